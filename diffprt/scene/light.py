@@ -1,0 +1,47 @@
+"""Distant light as spherical harmonic coefficients."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import torch
+
+from diffprt import sh
+from diffprt.errors import InputError
+
+
+@dataclass(frozen=True)
+class Light:
+    """Distant incident radiance, projected to spherical harmonics (conventions: `diffprt.sh`).
+
+    Attributes:
+        coefficients: float [K, 3], K = order², RGB radiance [W/m²/sr]. May carry gradients.
+        report: what projection and windowing cost (plain numbers), for `--json` reports.
+    """
+
+    coefficients: torch.Tensor
+    report: dict = field(default_factory=dict, compare=False)
+
+    def __post_init__(self) -> None:
+        shape = tuple(self.coefficients.shape)
+        if len(shape) != 2 or shape[1] != 3 or int(shape[0] ** 0.5 + 0.5) ** 2 != shape[0] or shape[0] == 0:
+            raise InputError(f"light coefficients have shape {shape}: give [order², 3]")
+
+    @property
+    def order(self) -> int:
+        """Number of bands n; K = n²."""
+        return int(self.coefficients.shape[0] ** 0.5 + 0.5)
+
+    def rotate(self, rotation: torch.Tensor) -> Light:
+        """The light turned by `rotation` [3, 3]: L'(d) = L(Rᵀ d). Gradients reach both."""
+        return Light(sh.rotate(self.coefficients, rotation), self.report)
+
+    def radiance(self, directions: torch.Tensor) -> torch.Tensor:
+        """Band-limited radiance [..., 3] towards unit `directions` [..., 3]."""
+        return sh.evaluate(self.coefficients, directions)
+
+    def truncate(self, order: int) -> Light:
+        """The first `order` bands."""
+        if not 1 <= order <= self.order:
+            raise InputError(f"light has order {self.order}, order {order} was asked: project it again at that order")
+        return Light(self.coefficients[: order * order], self.report)
