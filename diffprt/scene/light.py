@@ -24,13 +24,14 @@ class Light:
 
     def __post_init__(self) -> None:
         shape = tuple(self.coefficients.shape)
-        if len(shape) != 2 or shape[1] != 3 or int(shape[0] ** 0.5 + 0.5) ** 2 != shape[0] or shape[0] == 0:
+        if len(shape) != 2 or shape[1] != 3:
             raise InputError(f"light coefficients have shape {shape}: give [order², 3]")
+        sh.order_of_count(shape[0])
 
     @property
     def order(self) -> int:
         """Number of bands n; K = n²."""
-        return int(self.coefficients.shape[0] ** 0.5 + 0.5)
+        return sh.order_of_count(self.coefficients.shape[0])
 
     def rotate(self, rotation: torch.Tensor) -> Light:
         """The light turned by `rotation` [3, 3]: L'(d) = L(Rᵀ d). Gradients reach both."""

@@ -122,15 +122,8 @@ def area_light(
             polygon; negative radiance.
     """
     corners = torch.as_tensor(corners, dtype=torch.float64)
-    if (
-        corners.dim() != 2
-        or corners.shape[0] < 3
-        or corners.shape[1] != 3
-        or not torch.isfinite(corners).all()
-    ):
-        raise InputError(
-            f"area light has corners {list(corners.shape)}: give at least 3 finite corners, [N, 3]"
-        )
+    if corners.dim() != 2 or corners.shape[0] < 3 or corners.shape[1] != 3 or not torch.isfinite(corners).all():
+        raise InputError(f"area light has corners {list(corners.shape)}: give at least 3 finite corners, [N, 3]")
     seen = corners - _vector(at, "at")
     color = _color(radiance_rgb, "radiance")
     # Newell's area vector: twice the area along the normal, for any simple polygon.
@@ -192,7 +185,5 @@ def _color(value: Color, name: str) -> torch.Tensor:
     if color.dim() == 0:
         color = color.expand(3)
     if tuple(color.shape) != (3,) or not torch.isfinite(color).all() or bool((color < 0).any()):
-        raise InputError(
-            f"{name} is {color.tolist()}: give one number or three (RGB), finite and not negative"
-        )
+        raise InputError(f"{name} is {color.tolist()}: give one number or three (RGB), finite and not negative")
     return color

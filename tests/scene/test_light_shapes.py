@@ -65,9 +65,7 @@ def test_full_disc_is_the_constant_light():
 
 def test_constant_light_is_a_furnace():
     light = constant_light(COLOR, 4, dtype=DOUBLE)
-    assert irradiance(light, (0.2, 0.5, -1)).tolist() == pytest.approx(
-        [math.pi * c for c in COLOR], rel=1e-13
-    )
+    assert irradiance(light, (0.2, 0.5, -1)).tolist() == pytest.approx([math.pi * c for c in COLOR], rel=1e-13)
     assert light.radiance(torch.tensor([0.0, 1.0, 0.0]).double()).tolist() == pytest.approx(COLOR, rel=1e-13)
 
 
@@ -76,9 +74,7 @@ def test_sphere_light_follows_the_square_of_the_sine(height):
     """Exact irradiance of a ball on the normal is π (R/h)² times its radiance, at any distance."""
     light = sphere_light((2, 1 + height, 3), 0.3, 1.0, 10, at=(2, 1, 3), dtype=DOUBLE)
     angle = math.asin(0.3 / height)
-    cosine_moment = light.coefficients[1, 0] / -math.sqrt(
-        3 / (4 * math.pi)
-    )  # ∫ y over the disc: y_{1,-1} is -y
+    cosine_moment = light.coefficients[1, 0] / -math.sqrt(3 / (4 * math.pi))  # ∫ y over the disc: y_{1,-1} is -y
     assert cosine_moment.item() == pytest.approx(math.pi * math.sin(angle) ** 2, rel=1e-11)
     solid_angle = light.coefficients[0, 0] * math.sqrt(4 * math.pi)
     assert solid_angle.item() == pytest.approx(2 * math.pi * (1 - math.cos(angle)), rel=1e-10)
