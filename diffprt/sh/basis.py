@@ -40,13 +40,9 @@ def check_order(order: int) -> int:
     try:
         whole = operator.index(order)
     except TypeError:
-        raise InputError(
-            f"order {order!r} is not a whole number: give order=1 to order={MAXIMUM_ORDER}"
-        ) from None
+        raise InputError(f"order {order!r} is not a whole number: give order=1 to order={MAXIMUM_ORDER}") from None
     if not 1 <= whole <= MAXIMUM_ORDER:
-        raise InputError(
-            f"order {whole} is outside 1..{MAXIMUM_ORDER}: give order=1 to order={MAXIMUM_ORDER}"
-        )
+        raise InputError(f"order {whole} is outside 1..{MAXIMUM_ORDER}: give order=1 to order={MAXIMUM_ORDER}")
     return whole
 
 
@@ -144,9 +140,7 @@ def basis(directions: torch.Tensor, order: int) -> torch.Tensor:
     """
     order = check_order(order)
     if not directions.is_floating_point() or directions.shape[-1:] != (3,):
-        raise InputError(
-            f"directions are {directions.dtype} {list(directions.shape)}: give floating-point [..., 3]"
-        )
+        raise InputError(f"directions are {directions.dtype} {list(directions.shape)}: give floating-point [..., 3]")
     x, y, z = directions.unbind(-1)
     table = legendre(z, order)
     columns: list[torch.Tensor] = [torch.empty(0)] * order**2

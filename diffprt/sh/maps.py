@@ -42,9 +42,7 @@ def map_directions(height: int, width: int, dtype: torch.dtype = torch.float32) 
     polar = torch.pi * (torch.arange(height, dtype=torch.float64) + 0.5) / height
     longitude = 2 * torch.pi * ((torch.arange(width, dtype=torch.float64) + 0.5) / width - 0.5)
     sine, cosine = polar.sin()[:, None], polar.cos()[:, None]
-    return torch.stack(
-        [sine * longitude.sin(), cosine.expand(-1, width), -sine * longitude.cos()], dim=-1
-    ).to(dtype)
+    return torch.stack([sine * longitude.sin(), cosine.expand(-1, width), -sine * longitude.cos()], dim=-1).to(dtype)
 
 
 def row_weights(height: int, width: int | None = None) -> torch.Tensor:
@@ -126,9 +124,7 @@ def project_map(image: torch.Tensor, order: int) -> torch.Tensor:
     """
     order = check_order(order)
     if image.dim() != 3 or not image.is_floating_point() or image.numel() == 0:
-        raise InputError(
-            f"map is {image.dtype} {list(image.shape)}: give linear radiance as floating-point [H, W, C]"
-        )
+        raise InputError(f"map is {image.dtype} {list(image.shape)}: give linear radiance as floating-point [H, W, C]")
     height, width, channels = image.shape
     rows = _row_integrals(height, order).to(image.device)
     columns = _longitudes(width, order, integrate=True).to(image.device)
@@ -160,9 +156,7 @@ def render_map(coefficients: torch.Tensor, height: int, width: int) -> torch.Ten
     """
     _check_size(height, width)
     if coefficients.dim() != 2 or not coefficients.is_floating_point():
-        raise InputError(
-            f"coefficients are {coefficients.dtype} {list(coefficients.shape)}: give floating [K, C]"
-        )
+        raise InputError(f"coefficients are {coefficients.dtype} {list(coefficients.shape)}: give floating [K, C]")
     order, device = order_of_count(coefficients.shape[0]), coefficients.device
     polar = torch.pi / height * (torch.arange(height, dtype=torch.float64) + 0.5)
     about_pole = _map_to_fixed(order).to(device).T @ coefficients.double()

@@ -37,9 +37,7 @@ def project_polygon(corners: torch.Tensor, order: int) -> torch.Tensor:
     """
     order = check_order(order)
     if not corners.is_floating_point() or corners.dim() != 2 or corners.shape[0] < 3 or corners.shape[1] != 3:
-        raise InputError(
-            f"corners are {corners.dtype} {list(corners.shape)}: give floating-point [N, 3], N at least 3"
-        )
+        raise InputError(f"corners are {corners.dtype} {list(corners.shape)}: give floating-point [N, 3], N at least 3")
     if not bool((corners.detach().abs().amax(-1) > 0).all()):
         raise InputError("a corner of the polygon lies at the origin: move the viewpoint off the polygon")
     unit = torch.nn.functional.normalize(corners, dim=-1)

@@ -67,16 +67,12 @@ def project_function(
     directions, weights = sphere_quadrature(64 + 2 * order if degree is None else degree)
     values = function(directions)
     if values.dim() not in (1, 2) or values.shape[0] != directions.shape[0]:
-        raise InputError(
-            f"function gave {list(values.shape)} for {len(directions)} directions: return [Q] or [Q, C]"
-        )
+        raise InputError(f"function gave {list(values.shape)} for {len(directions)} directions: return [Q] or [Q, C]")
     weighted = (basis(directions, order) * weights[:, None]).to(values)
     return weighted.T @ values
 
 
-def fit_samples(
-    directions: torch.Tensor, values: torch.Tensor, order: int, *, ridge: float = 0.0
-) -> torch.Tensor:
+def fit_samples(directions: torch.Tensor, values: torch.Tensor, order: int, *, ridge: float = 0.0) -> torch.Tensor:
     """Coefficients that fit scattered samples: least squares of (4π/D) Σ |Σ_k c_k y_k(d_i) - v_i|² + ridge
     |c|².
 

@@ -71,9 +71,7 @@ def _band_tables(l: int) -> tuple[torch.Tensor, torch.Tensor]:
 
 def _check_rotation(rotation: torch.Tensor) -> None:
     if tuple(rotation.shape) != (3, 3) or not rotation.is_floating_point():
-        raise InputError(
-            f"rotation is {rotation.dtype} {list(rotation.shape)}: give a floating-point matrix [3, 3]"
-        )
+        raise InputError(f"rotation is {rotation.dtype} {list(rotation.shape)}: give a floating-point matrix [3, 3]")
     matrix = rotation.detach().double()
     error = float((matrix.T @ matrix - torch.eye(3, dtype=matrix.dtype, device=matrix.device)).abs().max())
     if not error <= ORTHOGONALITY_TOLERANCE:
@@ -132,8 +130,5 @@ def rotate(coefficients: torch.Tensor, rotation: torch.Tensor) -> torch.Tensor:
     order = order_of_count(coefficients.shape[0] if coefficients.dim() else 0)
     bands = coefficients.split([2 * l + 1 for l in range(order)])
     blocks = rotation_matrices(rotation, order)
-    turned = [
-        torch.tensordot(block.to(coefficients), band, dims=1)
-        for block, band in zip(blocks, bands, strict=True)
-    ]
+    turned = [torch.tensordot(block.to(coefficients), band, dims=1) for block, band in zip(blocks, bands, strict=True)]
     return torch.cat(turned)

@@ -41,9 +41,7 @@ def window(name: str, order: int, dtype: torch.dtype = torch.float64) -> torch.T
         case "lanczos":
             factors = torch.sinc(bands / order)
         case "auto":
-            raise InputError(
-                "window 'auto' depends on the light: use apply_window, or a fixed window such as 'hann'"
-            )
+            raise InputError("window 'auto' depends on the light: use apply_window, or a fixed window such as 'hann'")
         case _:
             raise InputError(f"unknown window {name!r}: choose one of {', '.join(WINDOWS)}")
     return factors.to(dtype)

@@ -115,7 +115,5 @@ def convolve(coefficients: torch.Tensor, zonal: torch.Tensor) -> torch.Tensor:
     order = order_of_count(coefficients.shape[0] if coefficients.dim() else 0)
     scale = _band_scale(zonal)
     if zonal.shape[0] != order:
-        raise InputError(
-            f"coefficients have order {order}, zonal kernel has {zonal.shape[0]}: give one order"
-        )
+        raise InputError(f"coefficients have order {order}, zonal kernel has {zonal.shape[0]}: give one order")
     return coefficients * scale.reshape(-1, *[1] * (coefficients.dim() - 1))

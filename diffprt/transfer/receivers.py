@@ -1,0 +1,114 @@
+"""Receivers: the points at which transfer is computed. Mesh vertices are one way to make them."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+
+from diffprt.errors import InputError
+
+_SCRAMBLE_CELLS = 1 << 16
+
+
+@dataclass(frozen=True)
+class Receivers:
+    """Points with a normal and an albedo, and the triangles (if any) that connect them for display.
+
+    Attributes:
+        positions: float32 [V, 3], scene units, +y up.
+        normals: float32 [V, 3], unit.
+        albedo: float32 [V, 3], linear reflectance in [0, 1]; sampled from textures where there are some.
+        faces: int64 [F, 3] into the receivers; [0, 3] when the receivers are not a surface.
+    """
+
+    positions: torch.Tensor
+    normals: torch.Tensor
+    albedo: torch.Tensor
+    faces: torch.Tensor
+
+    def __post_init__(self) -> None:
+        count = len(self.positions)
+        for name in ("positions", "normals", "albedo"):
+            shape = tuple(getattr(self, name).shape)
+            if shape != (count, 3):
+                raise InputError(f"receivers have {name} of shape {shape}: give [{count}, 3]")
+        if count == 0:
+            raise InputError("there are no receivers: the scene needs at least one mesh that is not occluder-only")
+        if not bool(torch.isfinite(self.positions).all() and torch.isfinite(self.normals).all()):
+            raise InputError("receivers have non-finite positions or normals: repair the mesh first")
+        if len(self.faces) and not 0 <= int(self.faces.min()) <= int(self.faces.max()) < count:
+            raise InputError(f"receivers have faces that name vertices outside 0..{count - 1}: repair the mesh first")
+
+    def __len__(self) -> int:
+        return len(self.positions)
+
+    @staticmethod
+    def points(positions: torch.Tensor, normals: torch.Tensor, albedo: torch.Tensor | float = 0.8) -> Receivers:
+        """Free receivers, such as texels or probes: `positions`, `normals` [V, 3]; `albedo` a number or [V, 3]."""
+        positions = torch.as_tensor(positions, dtype=torch.float32)
+        normals = torch.nn.functional.normalize(torch.as_tensor(normals, dtype=torch.float32), dim=-1)
+        albedo = torch.as_tensor(albedo, dtype=torch.float32).expand(len(positions), 3).contiguous()
+        return Receivers(positions, normals, albedo, torch.zeros((0, 3), dtype=torch.int64))
+
+    def hash(self) -> str:
+        """SHA-256 of positions and normals."""
+        digest = hashlib.sha256()
+        for tensor in (self.positions, self.normals):
+            digest.update(tensor.detach().to(torch.float32).contiguous().numpy().tobytes())
+        return digest.hexdigest()
+
+    def origins(self, offset: float) -> torch.Tensor:
+        """Where rays start, float32 [V, 3]: `offset` above the surface, and as much inwards from its border.
+
+        A receiver on the border of its surface may lie exactly on another one (the corner of a room): moved
+        inwards, towards the mean of its triangles' centroids, it is on the right side of both. Inside a
+        surface the inward part vanishes. Receivers that share position and normal share their triangles here,
+        so both sides of a texture seam start in the same place.
+        """
+        shift = self.normals.double()
+        if len(self.faces):
+            rows = torch.cat([self.positions, self.normals], dim=1).contiguous().numpy() + np.float32(0)
+            _, group = np.unique(rows.view(f"V{rows.itemsize * 6}")[:, 0], return_inverse=True)
+            group = torch.from_numpy(group).reshape(-1)
+            corners = self.faces.reshape(-1)
+            points = self.positions.double()
+            centroids = points[self.faces].mean(1).repeat_interleave(3, dim=0)
+            away = centroids - points[corners]
+            size = int(group.max()) + 1
+            total = torch.zeros(size, 3, dtype=torch.float64).index_add_(0, group[corners], away)
+            length = torch.zeros(size, dtype=torch.float64).index_add_(0, group[corners], away.norm(dim=1))
+            inward = (total / length.clamp_min(1e-300)[:, None])[group]
+            shift = shift + inward - (inward * self.normals).sum(1, keepdim=True) * self.normals
+        return (self.positions.double() + offset * shift).float()
+
+    def scramble(self, seed: int, low: torch.Tensor, diagonal: float) -> torch.Tensor:
+        """One 32-bit number per receiver that turns the sample pattern.
+
+        It depends on where the receiver is in the box of the scene and on its normal, never on its index:
+        seam vertices agree, and a scaled or reordered mesh keeps its patterns.
+
+        Args:
+            seed: any integer.
+            low: [3], the least corner of the scene's box.
+            diagonal: length of the box's diagonal, scene units.
+
+        Returns:
+            int64 [V] in [0, 2^32).
+        """
+        relative = (self.positions.double() - low.double()) / max(diagonal, 1e-300)
+        cells = torch.cat([relative, self.normals.double()], dim=1).mul(_SCRAMBLE_CELLS).round().to(torch.int64)
+        state = np.full(len(self), np.uint64(seed & 0xFFFFFFFFFFFFFFFF), dtype=np.uint64)
+        for column in cells.numpy().astype(np.uint64).T:
+            state = _splitmix(state ^ column)
+        return torch.from_numpy((state >> np.uint64(32)).astype(np.int64))
+
+
+def _splitmix(state: np.ndarray) -> np.ndarray:
+    """The finalizer of SplitMix64 (Steele, Lea and Flood 2014)."""
+    state = state + np.uint64(0x9E3779B97F4A7C15)
+    state = (state ^ (state >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    state = (state ^ (state >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return state ^ (state >> np.uint64(31))

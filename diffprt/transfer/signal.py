@@ -1,0 +1,60 @@
+"""The baked signal: how each receiver answers to distant light."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import torch
+
+from diffprt import sh
+from diffprt.errors import InputError
+from diffprt.transfer.receivers import Receivers
+
+
+@dataclass(frozen=True)
+class Transfer:
+    """Diffuse transfer of every receiver.
+
+    Attributes:
+        diffuse: float [V, C, K]: cosine times visibility plus interreflection, in SH, without the receiver's
+            own albedo and without 1/pi. C is 1 when nothing colours the light, else 3. May carry gradients.
+        receivers: where the signal lives.
+        settings: the options it was made with (plain values).
+        plan: which effects were simulated, and why (plain values).
+        certificate: measured error of the signal (plain values).
+        scene_hash: SHA-256 of the scene it was baked from.
+    """
+
+    diffuse: torch.Tensor
+    receivers: Receivers
+    settings: dict = field(default_factory=dict, compare=False)
+    plan: dict = field(default_factory=dict, compare=False)
+    certificate: dict = field(default_factory=dict, compare=False)
+    scene_hash: str = ""
+
+    def __post_init__(self) -> None:
+        shape = tuple(self.diffuse.shape)
+        if len(shape) != 3 or shape[0] != len(self.receivers) or shape[1] not in (1, 3):
+            raise InputError(
+                f"diffuse transfer has shape {shape}: give [{len(self.receivers)} receivers, 1 or 3 channels, order²]"
+            )
+        sh.order_of_count(shape[2])
+
+    @property
+    def order(self) -> int:
+        """Number of SH bands n; K = n²."""
+        return sh.order_of_count(self.diffuse.shape[2])
+
+    @property
+    def channels(self) -> int:
+        """1 when nothing colours the light, else 3."""
+        return self.diffuse.shape[1]
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of the signal alone."""
+        return self.diffuse.numel() * self.diffuse.element_size()
+
+    def with_signal(self, diffuse: torch.Tensor) -> Transfer:
+        """The same receivers with another signal; the certificate no longer holds and is dropped."""
+        return replace(self, diffuse=diffuse, certificate={})

@@ -1,0 +1,177 @@
+"""Traced light transport: direct transfer and the bounce operator, from which transfer follows for any albedo."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, closing, contextmanager, nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from diffprt.errors import InputError
+from diffprt.kernels import TriangleMesh, run_chunks
+from diffprt.transfer.chunks import ChunkStore
+from diffprt.transfer.direct import DirectTracer, direct_transfer
+from diffprt.transfer.operator import BounceOperator, OperatorRows, interreflect
+from diffprt.transfer.receivers import Receivers
+from diffprt.transfer.sampling import Pattern
+from diffprt.transfer.settings import BakeSettings
+from diffprt.transfer.signal import Transfer
+from diffprt.transfer.surfaces import Surfaces
+
+Track = Callable[[str, int, int], AbstractContextManager[Callable[[], None]]]
+
+
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C during a bake; the message says what is kept and how to go on."""
+
+
+def untracked(text: str, total: int, done: int) -> AbstractContextManager[Callable[[], None]]:
+    """No progress display."""
+    return nullcontext(lambda: None)
+
+
+@dataclass(frozen=True)
+class Transport:
+    """What rays found, constant in the material; visibility is frozen and carries no gradient.
+
+    Attributes:
+        receivers: where transfer is wanted.
+        direct: float32 [V, 1, K], transfer without interreflection.
+        error: float32 [V, 1, K], its standard error.
+        operator: G [V, sources]; None when no bounce was traced.
+        settings: what it was traced with.
+        scene_hash: of the scene.
+    """
+
+    receivers: Receivers
+    direct: torch.Tensor
+    error: torch.Tensor
+    operator: BounceOperator | None
+    settings: BakeSettings
+    scene_hash: str
+
+    def transfer(self, bounces: int | None = None, *, albedo: torch.Tensor | None = None) -> Transfer:
+        """Transfer after `bounces` interreflections among these receivers.
+
+        Args:
+            bounces: without it, as many as were asked when tracing.
+            albedo: [V, 3] or [V, 1], without it the receivers' own. Gradients reach it.
+        """
+        bounces = self.settings.bounces if bounces is None else bounces
+        if bounces > 0 and self.operator is None:
+            raise InputError(
+                f"{bounces} bounces were asked of transport traced without any: trace with bounces=1 or more"
+            )
+        albedo = self.receivers.albedo if albedo is None else albedo
+        if albedo.shape[1] == 3 and not albedo.requires_grad and bool((albedo == albedo[:, :1]).all()):
+            albedo = albedo[:, :1]
+        signal = self.direct
+        if bounces > 0:
+            signal = interreflect(self.direct.expand(-1, albedo.shape[1], -1), self.operator, albedo, bounces)
+        return self.as_transfer(signal, bounces)
+
+    def as_transfer(self, signal: torch.Tensor, bounces: int) -> Transfer:
+        """`signal` [V, C, K] at these receivers, with settings and certificate."""
+        return Transfer(
+            signal.contiguous(),
+            self.receivers,
+            {**self.settings.as_dict(), "bounces": bounces},
+            {},
+            _certificate(signal.detach(), self.error),
+            self.scene_hash,
+        )
+
+
+def trace_transport(
+    surfaces: Surfaces,
+    mesh: TriangleMesh,
+    receivers: Receivers,
+    settings: BakeSettings,
+    *,
+    scene_hash: str,
+    threads: int,
+    folder: Path | None,
+    track: Track,
+    report: dict,
+) -> Transport:
+    """Traces `receivers` against `mesh` in resumable chunks.
+
+    Args:
+        folder: where finished chunks live; None keeps them in memory.
+        report: its "timings" and "counts" are added to.
+
+    Raises:
+        InputError: the folder belongs to another bake or cannot be written.
+        Interrupted: Ctrl-C.
+    """
+    timings, counts = report["timings"], report["counts"]
+    with timed(timings, "compiling kernels"):
+        scramble = receivers.scramble(settings.seed, surfaces.positions.amin(0), surfaces.diagonal)
+        pattern = Pattern.create(settings.rays, scramble)
+        corners = surfaces.source_of_corner.numpy() if settings.bounces > 0 else None
+        tracer = DirectTracer(mesh, receivers, pattern, settings.order, corners, len(surfaces.receivers))
+    key = {
+        "scene": scene_hash,
+        "receivers": receivers.hash(),
+        **settings.as_dict(),
+        "bounces": settings.bounces > 0,
+    }
+    store = ChunkStore(folder, key, tracer.chunks)
+    done = store.finished()
+    counts["chunks"] = counts.get("chunks", 0) + tracer.chunks
+    counts["resumed_chunks"] = counts.get("resumed_chunks", 0) + len(done)
+    counts["recomputed_in_flight"] = counts.get("recomputed_in_flight", 0) + store.in_flight()
+
+    def work(chunk: int) -> None:
+        store.begin(chunk)
+        sums, rows = tracer.trace(chunk)
+        arrays = {"sums": sums}
+        if rows is not None:
+            arrays |= {"counts": rows.counts, "columns": rows.columns, "values": rows.values}
+        store.write(chunk, arrays)
+
+    missing = sorted(set(range(tracer.chunks)) - set(done))
+    with (
+        timed(timings, "visibility and transfer"),
+        track("tracing", tracer.chunks, len(done)) as advance,
+        closing(run_chunks(work, missing, threads=threads)) as running,
+    ):
+        try:
+            for _ in running:
+                advance()
+        except KeyboardInterrupt:
+            running.close()
+            kept = f"kept in {folder}: repeat the command to go on" if folder else "lost: give a checkpoint folder"
+            raise Interrupted(f"interrupted: {len(store.finished())} of {tracer.chunks} chunks are {kept}") from None
+    with timed(timings, "gathering chunks"):
+        parts = [store.read(chunk) for chunk in range(tracer.chunks)]
+        sums = torch.from_numpy(np.concatenate([p["sums"] for p in parts], axis=1))
+        direct, error = direct_transfer(receivers.normals, sums, settings.rays)
+        operator = None
+        if corners is not None:
+            rows = [OperatorRows(p["counts"], p["columns"], p["values"]) for p in parts]
+            operator = BounceOperator(rows, len(surfaces.receivers))
+    return Transport(receivers, direct, error, operator, settings, scene_hash)
+
+
+@contextmanager
+def timed(timings: dict[str, float], stage: str) -> Iterator[None]:
+    """Adds the seconds that the block takes."""
+    begun = time.perf_counter()
+    try:
+        yield
+    finally:
+        timings[stage] = timings.get(stage, 0.0) + time.perf_counter() - begun
+
+
+def _certificate(signal: torch.Tensor, error: torch.Tensor) -> dict:
+    """Noise of the direct part, as a share of the signal (root mean squares over receivers)."""
+    size = float(signal.double().square().sum(-1).mean().sqrt())
+    noise = float(error.double().square().sum(-1).mean().sqrt())
+    if not np.isfinite(noise):
+        return {}
+    return {"noise_rms": noise, "signal_rms": size, "noise_relative": noise / size if size > 0 else 0.0}

@@ -1,0 +1,140 @@
+"""Process: any thread count, killed and resumed, refused before hours are spent."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+import torch
+
+from diffprt import asset
+from diffprt.errors import InputError
+from diffprt.scene import builtin_scene
+from diffprt.transfer import BakeSettings, Interrupted, bake, check_memory, discard_chunks, estimate_bake
+
+OPTIONS = {"order": 3, "rays": 512, "bounces": 1}
+
+
+def test_any_thread_count_gives_the_same_bytes(bumpy, tmp_path):
+    """Hard case 29."""
+    for threads in (1, 2, 5):
+        asset.save(bake(bumpy, **OPTIONS, threads=threads), tmp_path / f"{threads}.prt")
+    first = (tmp_path / "1.prt").read_bytes()
+    assert len(first) > 10_000
+    assert (tmp_path / "2.prt").read_bytes() == first == (tmp_path / "5.prt").read_bytes()
+    other = bake(bumpy, **OPTIONS, seed=1)
+    assert not torch.equal(other.diffuse, asset.load(tmp_path / "1.prt").diffuse)
+
+
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
+def test_killed_bake_resumes_to_the_same_bytes(tmp_path, how):
+    """Hard case 30: killed at some moment; what was in flight is recomputed, and counted."""
+    command = [
+        sys.executable,
+        "-m",
+        "diffprt",
+        "bake",
+        "builtin:bunny",
+        "--order",
+        "3",
+        "--rays",
+        "2048",
+        "--bounces",
+        "1",
+    ]
+    target = tmp_path / "killed.prt"
+    parts = tmp_path / "killed.prt.parts"
+    process = subprocess.Popen([*command, "-o", str(target)], stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 120
+    while len(list(parts.glob("*.safetensors"))) < 4 and process.poll() is None and time.monotonic() < deadline:
+        time.sleep(0.02)
+    process.send_signal(how)
+    _, message = process.communicate(timeout=60)
+    assert process.returncode not in (0, None) and not target.exists()
+    if how == signal.SIGINT:
+        assert process.returncode == 130
+        assert message.startswith("diffprt: interrupted:") and len(message.splitlines()) == 1, message
+    done = len(list(parts.glob("*.safetensors")))
+    assert done >= 4
+    report = tmp_path / "report.json"
+    run = subprocess.run([*command, "-o", str(target), "--json", str(report)], capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr
+    import json
+
+    counts = json.loads(report.read_text())["counts"]
+    assert counts["resumed_chunks"] == done
+    assert counts["recomputed_in_flight"] <= os.cpu_count()
+    assert f"resumed: {done} of {counts['chunks']} chunks" in run.stdout
+    assert not parts.exists()
+    whole = bake(builtin_scene("bunny"), order=3, rays=2048, bounces=1)
+    asset.save(whole, tmp_path / "whole.prt")
+    assert target.read_bytes() == (tmp_path / "whole.prt").read_bytes()
+
+
+def test_interrupt_in_python_keeps_finished_chunks(bumpy, tmp_path):
+    from contextlib import contextmanager
+
+    @contextmanager
+    def impatient(text, total, done):
+        calls = []
+
+        def advance():
+            calls.append(1)
+            if len(calls) == 2:
+                raise KeyboardInterrupt
+
+        yield advance
+
+    options = {"order": 3, "rays": 4096, "bounces": 1}
+    with pytest.raises(Interrupted, match=r"interrupted: \d+ of \d+ chunks are kept"):
+        bake(bumpy, **options, checkpoint=tmp_path / "parts", track=impatient)
+    report: dict = {}
+    resumed = bake(bumpy, **options, checkpoint=tmp_path / "parts", report=report)
+    assert report["counts"]["resumed_chunks"] >= 2
+    assert torch.equal(resumed.diffuse, bake(bumpy, **options).diffuse)
+    discard_chunks(tmp_path / "parts")
+    assert not (tmp_path / "parts").exists()
+
+
+def test_damaged_or_foreign_chunks_are_not_used(bumpy, tmp_path):
+    bake(bumpy, **OPTIONS, checkpoint=tmp_path / "parts")
+    with pytest.raises(InputError, match="other settings or another scene"):
+        bake(bumpy, **{**OPTIONS, "rays": 256}, checkpoint=tmp_path / "parts")
+    (tmp_path / "precious").mkdir()
+    (tmp_path / "precious" / "file").write_text("mine")
+    discard_chunks(tmp_path / "precious")
+    assert (tmp_path / "precious" / "file").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"order": 0}, "order 0"),
+        ({"order": 40}, "order 40"),
+        ({"rays": 0}, "rays is 0"),
+        ({"rays": -5}, "rays is -5"),
+        ({"bounces": -1}, "bounces is -1"),
+        ({"quality": "ultra"}, "quality 'ultra'"),
+        ({"threads": 0}, "threads is 0"),
+        ({"seed": -1}, "seed is -1"),
+    ],
+)
+def test_options_out_of_range_are_named(bumpy, options, message):
+    with pytest.raises(InputError, match=message):
+        bake(bumpy, **options)
+
+
+def test_estimate_is_near_and_refuses_what_does_not_fit(bumpy):
+    settings = BakeSettings(order=4, rays=2048, bounces=1)
+    estimate = estimate_bake(bumpy, settings)
+    report: dict = {}
+    transfer = bake(bumpy, **settings.as_dict(), report=report)
+    assert estimate.receivers == len(transfer.receivers)
+    assert estimate.rays == len(transfer.receivers) * 2048
+    assert report["counts"]["operator_entries"] <= 1.3 * estimate.operator_entries
+    spent = report["timings"]["total"]
+    assert 0.1 * spent < estimate.seconds < 10 * spent
+    with pytest.raises(InputError, match=r"needs about .* GiB .* use fewer --rays"):
+        check_memory(estimate_bake(bumpy, BakeSettings(rays=1 << 20)), settings, 1 << 20)
