@@ -1,0 +1,202 @@
+"""Asset files (.prt): safetensors with one JSON header; no pickle, bounds checked, self-contained."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import safetensors
+import safetensors.torch
+import torch
+
+from diffprt.compress import ClusteredTransfer
+from diffprt.errors import InputError
+from diffprt.transfer import Receivers, Transfer
+
+VERSION = 1
+CONVENTIONS = {
+    "sh": "real orthonormal, Condon-Shortley, index l(l+1)+m, polar axis +z",
+    "space": "right-handed, +y up",
+    "transfer": "cosine times visibility plus interreflection, without own albedo and 1/pi",
+}
+_KEY = "diffprt"
+_LARGEST_HEADER = 1 << 20
+_LARGEST_TENSOR = 1 << 33
+
+Asset = Transfer | ClusteredTransfer
+
+
+@dataclass(frozen=True)
+class _Kind:
+    """How one type of asset becomes tensors, and back; `shapes` gives each tensor's dtype and rank."""
+
+    type: type
+    shapes: dict[str, tuple[tuple[torch.dtype, ...], int]]
+    pack: Callable[[Asset], dict[str, torch.Tensor]]
+    unpack: Callable[[dict[str, torch.Tensor]], dict]
+
+
+_FLOAT = (torch.float32, torch.float64)
+_LABEL = (torch.uint8, torch.uint16, torch.int32)
+_GEOMETRY = {
+    "positions": ((torch.float32,), 2),
+    "normals": ((torch.float32,), 2),
+    "albedo": ((torch.float32,), 2),
+    "faces": ((torch.int32,), 2),
+}
+
+
+def _pack_clustered(asset: ClusteredTransfer) -> dict[str, torch.Tensor]:
+    dtype = next(t for t in _LABEL if asset.clusters <= torch.iinfo(t).max + 1)
+    return {
+        "labels": asset.labels.to(dtype),
+        "means": asset.means,
+        "bases": asset.bases,
+        "weights": asset.weights,
+    }
+
+
+KINDS = {
+    "transfer": _Kind(
+        Transfer,
+        {"diffuse": (_FLOAT, 3)},
+        lambda asset: {"diffuse": asset.diffuse},
+        lambda tensors: {"diffuse": tensors["diffuse"]},
+    ),
+    "clustered_transfer": _Kind(
+        ClusteredTransfer,
+        {"labels": (_LABEL, 1), "means": (_FLOAT, 3), "bases": (_FLOAT, 4), "weights": (_FLOAT, 2)},
+        _pack_clustered,
+        lambda tensors: {**tensors, "labels": tensors["labels"].to(torch.int64)},
+    ),
+}
+
+
+def save(asset: Asset, path: str | Path) -> int:
+    """Writes an asset to `path` (.prt); the file appears whole or not at all.
+
+    Returns:
+        its size in bytes.
+
+    Raises:
+        InputError: the folder cannot be written, or `asset` is of no type that is saved.
+    """
+    path = Path(path)
+    name = next((name for name, kind in KINDS.items() if isinstance(asset, kind.type)), None)
+    if name is None:
+        raise InputError(
+            f"a {type(asset).__name__} cannot be saved: give a {' or '.join(k.type.__name__ for k in KINDS.values())}"
+        )
+    receivers = asset.receivers
+    tensors = KINDS[name].pack(asset) | {
+        "positions": receivers.positions,
+        "normals": receivers.normals,
+        "albedo": receivers.albedo,
+        "faces": receivers.faces.to(torch.int32),
+    }
+    header = {
+        "version": VERSION,
+        "type": name,
+        "conventions": CONVENTIONS,
+        "scene_hash": asset.scene_hash,
+        "settings": asset.settings,
+        "plan": asset.plan,
+        "certificate": asset.certificate,
+    }
+    data = safetensors.torch.save(
+        {key: tensor.detach().cpu().contiguous() for key, tensor in tensors.items()},
+        metadata={_KEY: json.dumps(header, sort_keys=True)},
+    )
+    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    try:
+        partial.write_bytes(data)
+        partial.replace(path)
+    except OSError as error:
+        partial.unlink(missing_ok=True)
+        raise InputError(
+            f"asset {path} cannot be written ({error.strerror}): choose a folder that you may write"
+        ) from error
+    return len(data)
+
+
+def read_header(path: str | Path) -> dict:
+    """The JSON header of an asset, with each tensor's dtype and shape under "tensors"; reads no tensor.
+
+    Raises:
+        InputError: missing, unreadable, truncated, or not an asset of this version.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(f"asset {path} does not exist: give a .prt file, made by 'diffprt bake'")
+    try:
+        with safetensors.safe_open(path, framework="pt") as file:
+            text = (file.metadata() or {}).get(_KEY)
+            tensors = {key: file.get_slice(key) for key in file.keys()}  # noqa: SIM118
+            shapes = {key: {"dtype": t.get_dtype(), "shape": t.get_shape()} for key, t in tensors.items()}
+    except (safetensors.SafetensorError, OSError) as error:
+        reason = str(error).splitlines()[0]
+        raise InputError(f"asset {path} is damaged or not an asset ({reason}): bake it again") from error
+    if text is None or len(text) > _LARGEST_HEADER:
+        raise InputError(f"asset {path} has no diffprt header: give a .prt file, made by 'diffprt bake'")
+    try:
+        header = json.loads(text)
+        version, kind = header["version"], header["type"]
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        raise InputError(f"asset {path} has a damaged header: bake it again") from error
+    if version != VERSION:
+        raise InputError(f"asset {path} has version {version}, this diffprt reads {VERSION}: bake it again")
+    if kind not in KINDS:
+        raise InputError(f"asset {path} holds a '{kind}', known are {', '.join(KINDS)}: bake it again")
+    return {**header, "tensors": shapes, "bytes": path.stat().st_size}
+
+
+def load(path: str | Path) -> Asset:
+    """Reads an asset; the type that was saved is the type that comes back.
+
+    Raises:
+        InputError: missing, unreadable, truncated, hostile, or inconsistent.
+    """
+    path = Path(path)
+    header = read_header(path)
+    kind = KINDS[header["type"]]
+    expected = kind.shapes | _GEOMETRY
+    if set(header["tensors"]) != set(expected):
+        raise InputError(f"asset {path} holds {sorted(header['tensors'])}, wanted {sorted(expected)}: bake it again")
+    for key, entry in header["tensors"].items():
+        if len(entry["shape"]) != expected[key][1]:
+            raise InputError(f"asset {path} has {key} of shape {entry['shape']}: bake it again")
+        if torch.Size(entry["shape"]).numel() > _LARGEST_TENSOR:
+            raise InputError(f"asset {path} has {key} of {entry['shape']}, over the limit of {_LARGEST_TENSOR} values")
+    try:
+        tensors = safetensors.torch.load_file(path)
+    except (safetensors.SafetensorError, OSError) as error:
+        raise InputError(f"asset {path} is damaged ({str(error).splitlines()[0]}): bake it again") from error
+    for key, tensor in tensors.items():
+        if tensor.dtype not in expected[key][0]:
+            raise InputError(
+                f"asset {path} has {key} of dtype {tensor.dtype}, wanted {expected[key][0]}: bake it again"
+            )
+        if tensor.is_floating_point() and not bool(torch.isfinite(tensor).all()):
+            raise InputError(f"asset {path} has non-finite {key}: bake it again")
+    try:
+        receivers = Receivers(
+            tensors.pop("positions"),
+            tensors.pop("normals"),
+            tensors.pop("albedo"),
+            tensors.pop("faces").to(torch.int64),
+        )
+        return kind.type(
+            receivers=receivers,
+            settings=dict(header["settings"]),
+            plan=dict(header["plan"]),
+            certificate=dict(header["certificate"]),
+            scene_hash=str(header["scene_hash"]),
+            **kind.unpack(tensors),
+        )
+    except InputError as error:
+        raise InputError(f"asset {path} is inconsistent: {error}") from error
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"asset {path} has a damaged header: bake it again") from error

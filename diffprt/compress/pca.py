@@ -1,0 +1,53 @@
+"""Principal components of each cluster."""
+
+from __future__ import annotations
+
+import torch
+
+
+def cluster_pca(
+    vectors: torch.Tensor, labels: torch.Tensor, clusters: int, components: int
+) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+    """The affine subspace that fits each cluster best in least squares.
+
+    Directions that the members do not span are zero, so a cluster with fewer members than components is
+    reproduced exactly. The sign of a component makes its largest entry positive.
+
+    Args:
+        vectors: float [V, D].
+        labels: int64 [V], in [0, clusters).
+        components: P, at least 0.
+
+    Returns:
+        means [M, D], bases [M, P, D] (orthonormal rows, or zero) and weights [V, P], of the vectors' dtype.
+    """
+    size = vectors.shape[1]
+    means = torch.zeros(clusters, size, dtype=torch.float64)
+    bases = torch.zeros(clusters, components, size, dtype=torch.float64)
+    weights = torch.zeros(len(vectors), components, dtype=torch.float64)
+    order = labels.argsort(stable=True)
+    for cluster, members in enumerate(order.split(torch.bincount(labels, minlength=clusters).tolist())):
+        if len(members) == 0:
+            continue
+        own = vectors[members].double()
+        means[cluster] = own.mean(0)
+        centered = own - means[cluster]
+        axes = _principal_axes(centered, components)
+        bases[cluster, : len(axes)] = axes
+        weights[members] = centered @ bases[cluster].T
+    return means.to(vectors.dtype), bases.to(vectors.dtype), weights.to(vectors.dtype)
+
+
+def _principal_axes(centered: torch.Tensor, components: int) -> torch.Tensor:
+    """At most `components` orthonormal rows, by falling variance; none of variance zero."""
+    members, size = centered.shape
+    if components == 0:
+        return centered.new_zeros(0, size)
+    if members < size:
+        values, vectors = torch.linalg.eigh(centered @ centered.T)
+        vectors = centered.T @ vectors / values.clamp_min(torch.finfo(torch.float64).tiny).sqrt()
+    else:
+        values, vectors = torch.linalg.eigh(centered.T @ centered)
+    values, vectors = values.flip(0)[:components], vectors.flip(1)[:, :components]
+    axes = vectors[:, values > 1e-12 * values.max().clamp_min(1e-300)].T
+    return axes * axes.gather(1, axes.abs().argmax(1, keepdim=True)).sign()

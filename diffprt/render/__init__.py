@@ -1,0 +1,7 @@
+"""Rendering: cameras, rasterized views, pictures in linear radiance."""
+
+from diffprt.render.camera import Camera
+from diffprt.render.render import auto_exposure, pixel_rays, render
+from diffprt.render.view import View
+
+__all__ = ["Camera", "View", "auto_exposure", "pixel_rays", "render"]

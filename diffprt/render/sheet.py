@@ -1,0 +1,35 @@
+"""Contact sheets: pictures in rows and columns, with names."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import torch
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+
+def contact_sheet(path: str | Path, pictures: list[list[torch.Tensor]], columns: list[str], rows: list[str]) -> None:
+    """Writes a PNG of `pictures[row][column]`, each [H, W, 3] in display values."""
+    height, width = pictures[0][0].shape[:2]
+    side = 3.2
+    figure = Figure(
+        figsize=(side * len(columns), side * height / width * len(rows) + 0.35),
+        dpi=width / side,
+        layout="constrained",
+    )
+    FigureCanvasAgg(figure)
+    figure.get_layout_engine().set(w_pad=0.02, h_pad=0.02, hspace=0.0, wspace=0.0)
+    axes = figure.subplots(len(rows), len(columns), squeeze=False)
+    for row, name in enumerate(rows):
+        for column, title in enumerate(columns):
+            axis = axes[row][column]
+            axis.imshow(pictures[row][column].detach().clamp(0, 1).numpy(), interpolation="nearest")
+            axis.set_xticks([])
+            axis.set_yticks([])
+            axis.spines[:].set_visible(False)
+            if row == 0:
+                axis.set_title(title, fontsize=11)
+            if column == 0:
+                axis.set_ylabel(name, fontsize=11)
+    figure.savefig(path)

@@ -1,0 +1,159 @@
+"""Asset files: what was saved comes back, and damaged or hostile files do no harm (hard case 32)."""
+
+import json
+import struct
+
+import pytest
+import safetensors.torch
+import torch
+
+from diffprt.asset import load, read_header, save
+from diffprt.compress import ClusteredTransfer, compress
+from diffprt.errors import InputError
+from diffprt.transfer import Transfer
+
+
+@pytest.fixture(scope="module")
+def compressed(bumpy_transfer) -> ClusteredTransfer:
+    return compress(bumpy_transfer, clusters=9, components=3)
+
+
+@pytest.mark.parametrize("kind", ["transfer", "clustered"])
+def test_round_trip(kind, bumpy_transfer, compressed, tmp_path):
+    asset = bumpy_transfer if kind == "transfer" else compressed
+    size = save(asset, tmp_path / "a.prt")
+    assert size == (tmp_path / "a.prt").stat().st_size
+    back = load(tmp_path / "a.prt")
+    assert type(back) is type(asset)
+    names = ["diffuse"] if kind == "transfer" else ["labels", "means", "bases", "weights"]
+    for name in names:
+        assert torch.equal(getattr(back, name), getattr(asset, name))
+    for name in ("positions", "normals", "albedo", "faces"):
+        assert torch.equal(getattr(back.receivers, name), getattr(asset.receivers, name))
+    for name in ("settings", "certificate", "plan", "scene_hash"):
+        assert getattr(back, name) == getattr(asset, name)
+    save(back, tmp_path / "b.prt")
+    assert (tmp_path / "a.prt").read_bytes() == (tmp_path / "b.prt").read_bytes()
+    assert [p.name for p in tmp_path.iterdir() if "partial" in p.name] == []
+
+
+@pytest.mark.parametrize("clusters", [200, 300])
+def test_labels_take_as_few_bytes_as_they_can(clusters, bumpy_transfer, tmp_path):
+    asset = compress(bumpy_transfer, clusters=clusters, components=1, iterations=2)
+    save(asset, tmp_path / "a.prt")
+    dtype = read_header(tmp_path / "a.prt")["tensors"]["labels"]["dtype"]
+    assert dtype == ("U8" if asset.clusters <= 256 else "U16")
+    assert torch.equal(load(tmp_path / "a.prt").labels, asset.labels)
+
+
+def test_float64_signals_survive(bumpy_transfer, tmp_path):
+    asset = bumpy_transfer.with_signal(bumpy_transfer.diffuse.double())
+    save(asset, tmp_path / "a.prt")
+    assert torch.equal(load(tmp_path / "a.prt").diffuse, asset.diffuse)
+
+
+def test_no_timing_is_saved_and_the_header_is_sorted(bumpy_transfer, tmp_path):
+    save(bumpy_transfer, tmp_path / "a.prt")
+    header = read_header(tmp_path / "a.prt")
+    assert "timings" not in json.dumps(header) and header["version"] == 1
+    raw = (tmp_path / "a.prt").read_bytes()
+    length = struct.unpack("<Q", raw[:8])[0]
+    text = json.loads(raw[8 : 8 + length])["__metadata__"]["diffprt"]
+    assert text == json.dumps(json.loads(text), sort_keys=True)
+
+
+def test_every_truncation_is_one_clear_error(compressed, tmp_path):
+    save(compressed, tmp_path / "a.prt")
+    data = (tmp_path / "a.prt").read_bytes()
+    for keep in [0, 1, 7, 8, 9, 100, 1000, len(data) // 2, len(data) - 1]:
+        (tmp_path / "t.prt").write_bytes(data[:keep])
+        with pytest.raises(InputError, match="is damaged") as caught:
+            load(tmp_path / "t.prt")
+        assert "\n" not in str(caught.value)
+
+
+def test_flipped_bytes_never_crash(compressed, tmp_path):
+    save(compressed, tmp_path / "a.prt")
+    data = bytearray((tmp_path / "a.prt").read_bytes())
+    generator = torch.Generator().manual_seed(0)
+    refused = 0
+    for _ in range(200):
+        at = int(torch.randint(0, 1500, (1,), generator=generator))
+        changed = bytearray(data)
+        changed[at] ^= 1 << int(torch.randint(0, 8, (1,), generator=generator))
+        (tmp_path / "t.prt").write_bytes(changed)
+        try:
+            load(tmp_path / "t.prt")
+        except InputError as error:
+            refused += 1
+            assert "\n" not in str(error)
+    assert refused > 100
+
+
+def hostile(path, change) -> None:
+    """Rewrites an asset's header and tensors through `change(header, tensors)`."""
+    with safetensors.safe_open(path, framework="pt") as file:
+        header = json.loads(file.metadata()["diffprt"])
+    tensors = safetensors.torch.load_file(path)
+    change(header, tensors)
+    tensors = {name: tensor.contiguous() for name, tensor in tensors.items()}
+    safetensors.torch.save_file(tensors, path, metadata={"diffprt": json.dumps(header)})
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda h, t: h.update(version=99), "version 99"),
+        (lambda h, t: h.update(type="pickle"), "holds a 'pickle'"),
+        (lambda h, t: h.pop("settings"), "damaged header"),
+        (lambda h, t: t.pop("weights"), "wanted"),
+        (lambda h, t: t.update(extra=torch.zeros(1)), "wanted"),
+        (lambda h, t: t.update(weights=torch.zeros(3)), "weights of shape"),
+        (lambda h, t: t.update(weights=t["weights"][:-1]), "weights of shape"),
+        (lambda h, t: t.update(weights=t["weights"].long()), "weights of dtype"),
+        (lambda h, t: t["means"].__setitem__((0, 0, 0), float("nan")), "non-finite means"),
+        (lambda h, t: t["labels"].fill_(255), "labels outside"),
+        (lambda h, t: t["faces"].__setitem__((0, 0), 10**9), "outside"),
+        (lambda h, t: t["faces"].__setitem__((0, 0), -1), "outside"),
+        (lambda h, t: t.update(normals=t["normals"][:-1]), "normals of shape"),
+        (lambda h, t: t.update(means=t["means"][..., :-1], bases=t["bases"][..., :-1]), "order"),
+    ],
+)
+def test_hostile_assets_are_refused(compressed, tmp_path, change, message):
+    save(compressed, tmp_path / "a.prt")
+    hostile(tmp_path / "a.prt", change)
+    with pytest.raises(InputError, match=message) as caught:
+        load(tmp_path / "a.prt")
+    assert str(tmp_path / "a.prt") in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_other_files_are_refused(tmp_path):
+    for name, content in {"a.prt": b"hello", "b.prt": b"\x80\x04pickle", "c.prt": b""}.items():
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(InputError, match="damaged or not an asset"):
+            load(tmp_path / name)
+    safetensors.torch.save_file({"x": torch.zeros(1)}, tmp_path / "d.prt")
+    with pytest.raises(InputError, match="no diffprt header"):
+        load(tmp_path / "d.prt")
+    with pytest.raises(InputError, match="does not exist"):
+        load(tmp_path / "missing.prt")
+    with pytest.raises(InputError, match="does not exist"):
+        load(tmp_path)
+
+
+def test_saving_where_it_cannot_be_leaves_nothing(bumpy_transfer, tmp_path):
+    with pytest.raises(InputError, match="cannot be written"):
+        save(bumpy_transfer, tmp_path / "no" / "such" / "a.prt")
+    (tmp_path / "folder.prt").mkdir()
+    with pytest.raises(InputError, match="cannot be written"):
+        save(bumpy_transfer, tmp_path / "folder.prt")
+    assert [p.name for p in tmp_path.iterdir()] == ["folder.prt"]
+    with pytest.raises(InputError, match="a dict cannot be saved"):
+        save({}, tmp_path / "a.prt")
+
+
+def test_an_existing_asset_survives_a_failed_load(bumpy_transfer, tmp_path):
+    save(bumpy_transfer, tmp_path / "a.prt")
+    before = (tmp_path / "a.prt").read_bytes()
+    assert isinstance(load(tmp_path / "a.prt"), Transfer)
+    assert (tmp_path / "a.prt").read_bytes() == before
