@@ -1,0 +1,38 @@
+"""diffprt: differentiable precomputed radiance transfer.
+
+Bake how a scene transports light, compress it, shade and render it, export it to a browser; every step is
+usable alone and on plain tensors. Conventions are stated in `diffprt.sh`.
+"""
+
+from importlib.metadata import version
+
+from diffprt.asset import load, save
+from diffprt.compress import ClusteredTransfer, compress
+from diffprt.errors import InputError
+from diffprt.export import export
+from diffprt.render import Camera, render
+from diffprt.scene import Environment, Light, Scene
+from diffprt.shade import shade, tone_map
+from diffprt.transfer import Receivers, Transfer, bake, trace
+
+__version__ = version("diffprt")
+
+__all__ = [
+    "Camera",
+    "ClusteredTransfer",
+    "Environment",
+    "InputError",
+    "Light",
+    "Receivers",
+    "Scene",
+    "Transfer",
+    "bake",
+    "compress",
+    "export",
+    "load",
+    "render",
+    "save",
+    "shade",
+    "tone_map",
+    "trace",
+]

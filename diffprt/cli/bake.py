@@ -1,0 +1,103 @@
+"""Compute how a scene transports light, and save it as an asset."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import torch
+import typer
+
+from diffprt import asset as assets
+from diffprt.cli.inputs import parse_color
+from diffprt.cli.report import JsonFile, check_output, print_table, size_text, write_report
+from diffprt.errors import InputError
+from diffprt.progress import status, track
+from diffprt.scene import Scene
+from diffprt.transfer import (
+    BakeSettings,
+    available_memory,
+    bake,
+    check_memory,
+    discard_chunks,
+    estimate_bake,
+)
+
+
+def run(
+    source: str = typer.Argument(
+        ..., metavar="SCENE", help="A .glb, .gltf, .obj, .ply, .stl or .usd file, or builtin:NAME."
+    ),
+    output: Path = typer.Option(Path("asset.prt"), "-o", "--output", help="The asset to write (.prt)."),
+    quality: str = typer.Option("good", help="draft, good or best: sets order, rays and bounces."),
+    order: int = typer.Option(None, help="SH bands, 1 to 10."),
+    rays: int = typer.Option(None, help="Rays per receiver."),
+    bounces: int = typer.Option(None, help="Diffuse interreflections."),
+    seed: int = typer.Option(0, help="Turns the sample patterns."),
+    threads: int = typer.Option(None, help="CPU threads; all by default."),
+    albedo: str = typer.Option(None, help="Replaces every albedo: 0.8 or r,g,b."),
+    up: str = typer.Option(None, help="The axis of the file that points up: x, y, z or -x, -y, -z; y by default."),
+    ground: bool = typer.Option(False, help="Add a ground that catches shadows."),
+    occluder: list[str] = typer.Option([], help="A mesh that only blocks light; may be repeated."),
+    non_finite: str = typer.Option("refuse", help="refuse, or drop: what to do with NaN vertices."),
+    dry_run: bool = typer.Option(False, help="Print expected time, memory and bytes; do nothing."),
+    json_file: Path = JsonFile,
+) -> None:
+    settings = BakeSettings.of(quality, order=order, rays=rays, bounces=bounces, seed=seed)
+    if threads is not None and threads < 1:
+        raise InputError(f"threads is {threads}: give 1 or more")
+    if output.suffix != ".prt":
+        raise InputError(f"output {output} has ending '{output.suffix}': give a .prt file")
+    scene = _scene(source, albedo, up, ground, occluder, non_finite)
+    for line in scene.defects.lines():
+        print(f"note: {line}")
+    with status("trying a few rays"):
+        estimate = estimate_bake(scene, settings, threads=threads)
+    if dry_run:
+        rows = [
+            ["receivers", f"{estimate.receivers:,}"],
+            ["rays", f"{estimate.rays:,}"],
+            ["threads", str(estimate.threads)],
+            ["time", f"{estimate.seconds:.1f} s"],
+            ["memory", size_text(estimate.memory_bytes)],
+            ["asset", size_text(estimate.asset_bytes)],
+        ]
+        print_table(f"{source}: order {settings.order}, {settings.bounces} bounces", ["expected", ""], rows)
+        write_report(
+            json_file,
+            "bake",
+            {"dry_run": True, "settings": settings.as_dict(), "estimate": estimate.as_dict()},
+        )
+        return
+    check_memory(estimate, settings, available_memory())
+    check_output(output)
+    parts = output.with_name(output.name + ".parts")
+    report: dict = {}
+    transfer = bake(scene, **settings.as_dict(), threads=threads, checkpoint=parts, track=track, report=report)
+    size = assets.save(transfer, output)
+    discard_chunks(parts)
+    counts, errors = report["counts"], report["errors"]
+    if counts["resumed_chunks"]:
+        print(
+            f"resumed: {counts['resumed_chunks']} of {counts['chunks']} chunks were done, "
+            f"{counts['recomputed_in_flight']} in flight were recomputed"
+        )
+    noise = f", noise {100 * errors['noise_relative']:.2f} %" if errors else ""
+    print(f"{output}: {len(transfer.receivers):,} receivers, order {transfer.order}, {size_text(size)}{noise}")
+    report |= {
+        "estimate": estimate.as_dict(),
+        "defects": scene.defects.as_dict(),
+        "outputs": {"asset": str(output), "bytes": size},
+    }
+    write_report(json_file, "bake", report)
+
+
+def _scene(
+    source: str, albedo: str | None, up: str | None, ground: bool, occluders: list[str], non_finite: str
+) -> Scene:
+    """Loads the scene and what the options add to it."""
+    scene = Scene.load(source, up=up, non_finite=non_finite)
+    if albedo is not None:
+        scene = scene.with_albedo(torch.tensor(parse_color(albedo, "albedo")))
+    for path in occluders:
+        scene = scene.with_occluder(Scene.load(path, up=up, non_finite=non_finite))
+    return scene.with_ground() if ground else scene

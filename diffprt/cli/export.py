@@ -1,0 +1,48 @@
+"""Write an asset as a page that relights it in a browser."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import typer
+
+from diffprt.cli.inputs import load_asset, load_light
+from diffprt.cli.report import JsonFile, check_output, size_text, write_report
+from diffprt.export import export
+from diffprt.render import Camera, View, auto_exposure, render
+from diffprt.scene import Light
+
+
+def run(
+    source: Path = typer.Argument(..., metavar="ASSET", help="A .prt file."),
+    output: Path = typer.Option(Path("page"), "-o", "--output", help="The folder to write index.html into."),
+    light: list[str] = typer.Option(["sky", "studio"], help="sky, studio, constant or a map; may be repeated."),
+    curve: str = typer.Option("aces", help="linear, reinhard or aces."),
+    title: str = typer.Option("", help="Shown on the page; the asset's name by default."),
+    json_file: Path = JsonFile,
+) -> None:
+    begun = time.perf_counter()
+    asset = load_asset(source)
+    lights = {Path(name).stem: balance(asset, load_light(name, asset.order)) for name in light}
+    check_output(output, directory=True)
+    report = export(asset, output, lights=lights, curve=curve, title=title or source.stem)
+    print(f"{report['path']}: {size_text(report['bytes'])}; open it in a browser")
+    write_report(
+        json_file,
+        "export",
+        {
+            "settings": {"lights": list(lights), "curve": curve},
+            "timings": {"total": time.perf_counter() - begun},
+            "counts": {"vertices": len(asset.receivers), "triangles": len(asset.receivers.faces)},
+            "errors": asset.certificate,
+            "outputs": report,
+        },
+    )
+
+
+def balance(asset: object, light: Light) -> Light:
+    """The light scaled so that the asset is well exposed at exposure 1: maps come in any unit."""
+    camera = Camera.framing(asset.receivers.positions, width=64, height=64)
+    factor = auto_exposure(render(asset, light, camera), View.of(asset.receivers, camera).mask)
+    return Light(light.coefficients * factor, light.report)

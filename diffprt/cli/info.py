@@ -1,0 +1,29 @@
+"""Print what an asset file holds."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import typer
+
+from diffprt.asset import read_header
+from diffprt.cli.report import JsonFile, print_table, size_text, write_report
+
+
+def run(
+    source: Path = typer.Argument(..., metavar="ASSET", help="A .prt file."),
+    json_file: Path = JsonFile,
+) -> None:
+    header = read_header(source)
+    rows = [
+        [name, "x".join(map(str, entry["shape"])), entry["dtype"]] for name, entry in sorted(header["tensors"].items())
+    ]
+    print_table(
+        f"{source}: {header['type']}, version {header['version']}, {size_text(header['bytes'])}",
+        ["tensor", "shape", "type"],
+        rows,
+    )
+    for name in ("scene_hash", "settings", "plan", "certificate", "conventions"):
+        print(f"{name}: {json.dumps(header.get(name), sort_keys=True)}")
+    write_report(json_file, "info", header)

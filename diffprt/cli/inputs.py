@@ -1,0 +1,57 @@
+"""Arguments that several commands share: scenes, lights, colors, cameras."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import torch
+
+from diffprt import asset as assets
+from diffprt.errors import InputError
+from diffprt.scene import BUILTIN_ENVIRONMENTS, Environment, Light, builtin_environment
+
+
+def parse_color(text: str, name: str) -> tuple[float, float, float]:
+    """A number or three, separated by commas."""
+    try:
+        values = [float(part) for part in text.split(",")]
+    except ValueError:
+        values = []
+    if len(values) not in (1, 3) or not all(math.isfinite(v) for v in values):
+        raise InputError(f"{name} is '{text}': give one number or three, such as 0.8 or 0.8,0.7,0.6")
+    return tuple(values * (3 // len(values)))
+
+
+def parse_size(text: str) -> tuple[int, int]:
+    """WIDTHxHEIGHT or one side."""
+    try:
+        sides = [int(part) for part in text.lower().split("x")]
+    except ValueError:
+        sides = []
+    if len(sides) not in (1, 2):
+        raise InputError(f"size is '{text}': give pixels such as 512 or 640x480")
+    return sides[0], sides[-1]
+
+
+def load_light(source: str, order: int, *, window: str = "none", azimuth: float = 0.0) -> Light:
+    """The light of a built-in environment or of a map, projected at `order` and turned about +y.
+
+    Args:
+        source: "sky", "studio", ..., or the path of an equirectangular .hdr or .exr map.
+        azimuth: degrees.
+    """
+    environment = builtin_environment(source) if source in BUILTIN_ENVIRONMENTS else Environment.load(Path(source))
+    light = environment.project(order, window=window)
+    return light.rotate(turn_about_y(azimuth)) if azimuth else light
+
+
+def turn_about_y(degrees: float) -> torch.Tensor:
+    """Rotation matrix about +y, counter-clockwise seen from above."""
+    c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    return torch.tensor([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+
+
+def load_asset(path: Path) -> assets.Asset:
+    """Reads an asset file."""
+    return assets.load(path)

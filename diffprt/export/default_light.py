@@ -1,0 +1,23 @@
+"""The light of a page that was given none."""
+
+from __future__ import annotations
+
+import math
+
+import torch
+
+from diffprt import sh
+from diffprt.scene import Light
+
+_SKY_RADIANCE = (0.30, 0.36, 0.44)
+_SUN_IRRADIANCE = (2.6, 2.2, 1.7)
+_SUN_DIRECTION = (0.45, 0.75, 0.5)
+
+
+def default_light(order: int) -> Light:
+    """A uniform sky and one sun from the upper right, windowed so that the bands of `order` do not ring."""
+    sun = torch.nn.functional.normalize(torch.tensor(_SUN_DIRECTION, dtype=torch.float64), dim=0)
+    coefficients = sh.basis(sun, order)[:, None] * torch.tensor(_SUN_IRRADIANCE, dtype=torch.float64)
+    coefficients[0] += math.sqrt(4 * math.pi) * torch.tensor(_SKY_RADIANCE, dtype=torch.float64)
+    windowed, _ = sh.apply_window(coefficients, "auto")
+    return Light(windowed.float())

@@ -1,0 +1,245 @@
+"""One HTML file that holds an asset, its shaders and a viewer, and needs nothing else."""
+
+from __future__ import annotations
+
+import base64
+import html
+import json
+import math
+import os
+import re
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from diffprt.compress.clustered import ClusteredTransfer
+from diffprt.errors import InputError
+from diffprt.export.default_light import default_light
+from diffprt.export.representations import floats, pack
+from diffprt.render.camera import Camera
+from diffprt.scene import Light
+from diffprt.shade import CURVES
+from diffprt.transfer import Transfer
+
+# In the order of their imports: the page runs them as one module.
+_SCRIPTS = (
+    "sh.js",
+    "matrix.js",
+    "tonemap.js",
+    "payload.js",
+    "textures.js",
+    "sky.js",
+    "representations.js",
+    "renderer.js",
+    "orbit.js",
+    "pointer.js",
+    "frame_clock.js",
+    "panel.js",
+    "main.js",
+)
+_SHADERS = ("display.frag.glsl", "sky.vert.glsl", "sky.frag.glsl")
+
+
+def export(
+    asset: Transfer | ClusteredTransfer,
+    directory: str | Path,
+    *,
+    lights: dict[str, Light] | None = None,
+    camera: Camera | None = None,
+    exposure: float = 1.0,
+    curve: str = "aces",
+    title: str = "",
+) -> dict:
+    """Writes `directory/index.html`, a page that relights the asset in any browser with WebGL 2.
+
+    The page opens from disk, asks the network for nothing, and computes what `shade` and `tone_map` compute:
+    the same sums in 32-bit floats per vertex, interpolated as linear radiance, tone-mapped per pixel.
+    `window.diffprt` in the page takes other lights, cameras and settings from a script (`page/main.js`).
+
+    Args:
+        asset: diffuse transfer, plain (up to order 10) or clustered, on receivers with faces.
+        directory: made if missing; an index.html in it is replaced whole or not at all.
+        lights: lights to choose from, by the name shown, of the asset's order; the first one is shown first.
+            Without them, a plain sky with a sun.
+        camera: the first view; without it, one that frames the asset.
+        exposure: factor on radiance, positive.
+        curve: tone curve that is on first, one of `CURVES`.
+        title: shown as the page's heading.
+
+    Returns:
+        {"path": str, "bytes": int, "parts": {"geometry", "signal", "page"}}; the parts are bytes in the file
+        (base64 where binary) and sum to its size.
+
+    Raises:
+        InputError: the asset has no faces or no shader, a light has another order than the asset, an option
+            is out of range, or the directory cannot be made or written.
+    """
+    packed = pack(asset)
+    receivers = asset.receivers
+    if len(receivers.faces) == 0:
+        raise InputError("asset has no faces to draw: bake a mesh, or give its receivers faces")
+    lights = {"Sky and sun": default_light(asset.order)} if lights is None else lights
+    _check_lights(lights, asset.order)
+    if curve not in CURVES:
+        raise InputError(f"tone curve '{curve}' is unknown: use one of {', '.join(CURVES)}")
+    if not (math.isfinite(exposure) and exposure > 0):
+        raise InputError(f"exposure is {exposure}: give a positive factor")
+    camera = camera or Camera.framing(receivers.positions)
+
+    geometry = {
+        "positions": floats(receivers.positions),
+        "albedo": _one_if_uniform(floats(receivers.albedo)),
+        "indices": receivers.faces.detach().cpu().numpy().astype(np.uint32),
+    }
+    title = title or "diffprt"
+    manifest = {
+        "title": title,
+        "kind": packed.kind,
+        "shader": packed.shader,
+        "numbers": packed.numbers,
+        "facts": {
+            "vertices": len(receivers),
+            "triangles": len(receivers.faces),
+            **packed.facts,
+            "geometry_bytes": sum(array.nbytes for array in geometry.values()),
+            "signal_bytes": sum(array.nbytes for array in packed.arrays.values()),
+        },
+        "arrays": {
+            name: {"dtype": array.dtype.name, "length": array.size}
+            for name, array in {**geometry, **packed.arrays}.items()
+        },
+        "bounds": _bounds(receivers.positions),
+        "camera": {
+            "eye": camera.eye,
+            "target": camera.target,
+            "up": camera.up,
+            "fov": camera.fov,
+            "aspect": camera.width / camera.height,
+        },
+        "exposure": exposure,
+        "curve": curve,
+        "lights": [
+            {"name": name, "coefficients": _short_numbers(light.coefficients)} for name, light in lights.items()
+        ],
+        "certificate": asset.certificate,
+    }
+
+    signal_text = "\n".join(_array_element(name, array) for name, array in packed.arrays.items())
+    geometry_text = "\n".join(_array_element(name, array) for name, array in geometry.items())
+    page = _fill_template(
+        {
+            "title": html.escape(title),
+            "style": _source("style.css").rstrip(),
+            "manifest": _script_json(manifest),
+            "shaders": "\n".join(_shader_element(name) for name in (packed.shader, *_SHADERS)),
+            "arrays": f"{geometry_text}\n{signal_text}",
+            "script": _joined_scripts(),
+        }
+    )
+    content = page.encode()
+    path = _write_whole(Path(directory), content)
+    parts = {"geometry": len(geometry_text), "signal": len(signal_text)}
+    parts["page"] = len(content) - sum(parts.values())
+    return {"path": str(path), "bytes": len(content), "parts": parts}
+
+
+def _check_lights(lights: dict[str, Light], order: int) -> None:
+    if not lights:
+        raise InputError("lights are empty: give at least one, or None for the built-in one")
+    for light in lights.values():
+        count = light.coefficients.shape[0]
+        if count != order**2:
+            raise InputError(
+                f"transfer has {order**2} SH coefficients, light has {count}: "
+                f"project the light with order={order}, or bake with order={light.order}"
+            )
+    for name, light in lights.items():
+        if not bool(torch.isfinite(light.coefficients).all()):
+            raise InputError(f"light '{name}' has coefficients that are not finite: project it again")
+
+
+def _one_if_uniform(albedo: np.ndarray) -> np.ndarray:
+    return albedo[:1] if bool((albedo == albedo[:1]).all()) else albedo
+
+
+def _bounds(positions: torch.Tensor) -> dict[str, Any]:
+    points = positions.detach().cpu().double()
+    center = (points.amin(0) + points.amax(0)) / 2
+    radius = float((points - center).norm(dim=1).max())
+    return {"center": center.tolist(), "radius": max(radius, 1e-12)}
+
+
+def _short_numbers(coefficients: torch.Tensor) -> list[float]:
+    """Row-major values, as the shortest decimals that give the same float32 again."""
+    return [float(str(value)) for value in floats(coefficients).ravel()]
+
+
+def _source(name: str) -> str:
+    return (files("diffprt.export") / "page" / name).read_text(encoding="utf-8")
+
+
+def _array_element(name: str, array: np.ndarray) -> str:
+    little_endian = array.astype(array.dtype.newbyteorder("<"), copy=False)
+    text = base64.b64encode(little_endian.tobytes()).decode("ascii")
+    return f'<script type="application/octet-stream;base64" id="array:{name}">{text}</script>'
+
+
+def _shader_element(name: str) -> str:
+    text = re.sub(r'#include "([\w.]+)"\n', lambda found: _source(found[1]), _source(name))
+    return f'<script type="text/x-glsl" id="shader:{name}">\n{text}</script>'
+
+
+def _joined_scripts() -> str:
+    """The modules one after the other, without the imports that then need no resolving."""
+    pieces = []
+    for name in _SCRIPTS:
+        text = re.sub(r"^import [^;]*;\n", "", _source(name), flags=re.MULTILINE)
+        pieces.append(f"// {name}\n" + re.sub(r"^export ", "", text, flags=re.MULTILINE))
+    return "\n".join(pieces).rstrip()
+
+
+def _script_json(value: Any) -> str:
+    """JSON that may stand inside a script element: no '<', and no NaN, which JSON lacks."""
+    return json.dumps(_plain(value), ensure_ascii=False, allow_nan=False).replace("<", "\\u003c")
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(key): _plain(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(entry) for entry in value]
+    if isinstance(value, (bool, int, str)) or value is None:
+        return value
+    if isinstance(value, float):
+        return value if math.isfinite(value) else str(value)
+    if isinstance(value, (np.generic, np.ndarray, torch.Tensor)):
+        return _plain(value.tolist())
+    return str(value)
+
+
+def _fill_template(entries: dict[str, str]) -> str:
+    """Fills the places in one pass, so that nothing filled in is itself searched for places."""
+    return re.sub(r"\{\{(\w+)\}\}", lambda place: entries[place[1]], _source("index.html"))
+
+
+def _write_whole(directory: Path, content: bytes) -> Path:
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(
+            f"directory {directory} cannot be made ({error.strerror}): choose a folder that you may write"
+        ) from None
+    path = directory / "index.html"
+    partial = directory / f".index.{os.getpid()}.partial"
+    try:
+        partial.write_bytes(content)
+        partial.replace(path)
+    except OSError as error:
+        partial.unlink(missing_ok=True)
+        raise InputError(
+            f"page {path} cannot be written ({error.strerror}): choose a folder that you may write"
+        ) from None
+    return path
