@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import torch
 import warp as wp
+
 from diffprt.kernels.launch import compile_kernels, default_threads, run_chunks, start
 
 _RAYS_PER_LAUNCH = 1 << 16

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import torch
 import warp as wp
+
 from diffprt.kernels.launch import compile_kernels, run_chunks
 
 _BAND = 64

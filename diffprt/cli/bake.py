@@ -39,6 +39,7 @@ def run(
     ground: bool = typer.Option(False, help="Add a ground that catches shadows."),
     occluder: list[str] = typer.Option([], help="A mesh that only blocks light; may be repeated."),
     non_finite: str = typer.Option("refuse", help="refuse, or drop: what to do with NaN vertices."),
+    winding: str = typer.Option("repair", help="repair, or keep: for rooms that are seen from within."),
     dry_run: bool = typer.Option(False, help="Print expected time, memory and bytes; do nothing."),
     json_file: Path = JsonFile,
 ) -> None:
@@ -47,7 +48,7 @@ def run(
         raise InputError(f"threads is {threads}: give 1 or more")
     if output.suffix != ".prt":
         raise InputError(f"output {output} has ending '{output.suffix}': give a .prt file")
-    scene = _scene(source, albedo, up, ground, occluder, non_finite)
+    scene = _scene(source, albedo, ground, occluder, up=up, non_finite=non_finite, winding=winding)
     for line in scene.defects.lines():
         print(f"note: {line}")
     with status("trying a few rays"):
@@ -91,13 +92,11 @@ def run(
     write_report(json_file, "bake", report)
 
 
-def _scene(
-    source: str, albedo: str | None, up: str | None, ground: bool, occluders: list[str], non_finite: str
-) -> Scene:
+def _scene(source: str, albedo: str | None, ground: bool, occluders: list[str], **loading: str | None) -> Scene:
     """Loads the scene and what the options add to it."""
-    scene = Scene.load(source, up=up, non_finite=non_finite)
+    scene = Scene.load(source, **loading)
     if albedo is not None:
         scene = scene.with_albedo(torch.tensor(parse_color(albedo, "albedo")))
     for path in occluders:
-        scene = scene.with_occluder(Scene.load(path, up=up, non_finite=non_finite))
+        scene = scene.with_occluder(Scene.load(path, **loading))
     return scene.with_ground() if ground else scene

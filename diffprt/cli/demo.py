@@ -38,7 +38,8 @@ def run(
     )
     print(
         f"compressed {size_text(counts['bytes_baked'])} to {size_text(counts['bytes_compressed'])}, "
-        f"transfer error {100 * errors['compression_relative']:.2f} %, picture {errors['compressed_psnr_db']:.1f} dB PSNR"
+        f"transfer error {100 * errors['compression_relative']:.2f} %, "
+        f"picture {errors['compressed_psnr_db']:.1f} dB PSNR"
     )
     print(f"contact sheet: {result.sheet}")
     print(f"page:          {result.page}  (open it in a browser)")

@@ -18,13 +18,14 @@ def run(
     source: Path = typer.Argument(..., metavar="ASSET", help="A .prt file."),
     output: Path = typer.Option(Path("page"), "-o", "--output", help="The folder to write index.html into."),
     light: list[str] = typer.Option(["sky", "studio"], help="sky, studio, constant or a map; may be repeated."),
+    window: str = typer.Option("hann", help="none, hann, lanczos or auto: trades contrast for less ringing."),
     curve: str = typer.Option("aces", help="linear, reinhard or aces."),
     title: str = typer.Option("", help="Shown on the page; the asset's name by default."),
     json_file: Path = JsonFile,
 ) -> None:
     begun = time.perf_counter()
     asset = load_asset(source)
-    lights = {Path(name).stem: balance(asset, load_light(name, asset.order)) for name in light}
+    lights = {Path(name).stem: balance(asset, load_light(name, asset.order, window=window)) for name in light}
     check_output(output, directory=True)
     report = export(asset, output, lights=lights, curve=curve, title=title or source.stem)
     print(f"{report['path']}: {size_text(report['bytes'])}; open it in a browser")
@@ -32,7 +33,7 @@ def run(
         json_file,
         "export",
         {
-            "settings": {"lights": list(lights), "curve": curve},
+            "settings": {"lights": list(lights), "window": window, "curve": curve},
             "timings": {"total": time.perf_counter() - begun},
             "counts": {"vertices": len(asset.receivers), "triangles": len(asset.receivers.faces)},
             "errors": asset.certificate,

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 import torch
-from diffprt.kernels import TriangleMesh, run_chunks
 
+from diffprt.kernels import TriangleMesh, run_chunks
 from diffprt.scene import builtin_scene
 from diffprt.transfer.reference import closest_hits
 from diffprt.transfer.sampling import Pattern, hemisphere_directions

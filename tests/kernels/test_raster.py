@@ -2,8 +2,8 @@
 
 import pytest
 import torch
-from diffprt.kernels.raster import rasterize
 
+from diffprt.kernels.raster import rasterize
 from diffprt.render import Camera
 from diffprt.render.reference import rasterize_reference
 from diffprt.scene import builtin_scene

@@ -153,9 +153,7 @@ def test_indices():
     ],
 )
 def test_order_outside_the_range(function, order):
-    with pytest.raises(
-        InputError, match=rf"^order {order} is outside 1\.\.10: give order=1 to order=10[^\n]*$"
-    ):
+    with pytest.raises(InputError, match=rf"^order {order} is outside 1\.\.10: give order=1 to order=10[^\n]*$"):
         function(order)
 
 

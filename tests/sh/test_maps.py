@@ -116,9 +116,7 @@ def test_half_precision_image_does_not_overflow():
     projected = sh.project_map(image, 6)
     assert projected.dtype == torch.float32 and torch.isfinite(projected).all()
     assert torch.allclose(projected, sh.project_map(image.double(), 6).float())
-    assert sh.project_map(torch.full((64, 128, 1), 6e4).half(), 3)[0].item() == pytest.approx(
-        212694.5, rel=1e-3
-    )
+    assert sh.project_map(torch.full((64, 128, 1), 6e4).half(), 3)[0].item() == pytest.approx(212694.5, rel=1e-3)
 
 
 def test_resolution_changes_nothing(dtype):

@@ -12,9 +12,7 @@ SQUARE = torch.tensor([[-1.0, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]], dtype=
 def cube_faces() -> list[torch.Tensor]:
     """The six faces of the cube about the origin, as turned copies of one."""
     third = torch.tensor([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]], dtype=torch.float64)
-    return [
-        sign * SQUARE @ turn.T for sign in (1, -1) for turn in (torch.eye(3).double(), third, third @ third)
-    ]
+    return [sign * SQUARE @ turn.T for sign in (1, -1) for turn in (torch.eye(3).double(), third, third @ third)]
 
 
 def by_quadrature(corner: torch.Tensor, side: torch.Tensor, other: torch.Tensor, order: int) -> torch.Tensor:
@@ -30,9 +28,7 @@ def by_quadrature(corner: torch.Tensor, side: torch.Tensor, other: torch.Tensor,
 
 @pytest.mark.parametrize("order", [1, 2, 4, 10])
 def test_against_quadrature_over_the_area(order, dtype, tolerance):
-    corner, side, other = torch.tensor(
-        [[0.4, -0.3, 1.2], [0.9, 0.2, 0.1], [-0.3, 1.1, 0.4]], dtype=torch.float64
-    )
+    corner, side, other = torch.tensor([[0.4, -0.3, 1.2], [0.9, 0.2, 0.1], [-0.3, 1.1, 0.4]], dtype=torch.float64)
     polygon = torch.stack([corner, corner + side, corner + side + other, corner + other])
     values = sh.project_polygon(polygon.to(dtype), order)
     assert values.dtype == dtype
@@ -71,9 +67,7 @@ def test_winding_and_distance_do_not_matter():
     reference = sh.project_polygon(SQUARE, 6)
     assert torch.allclose(sh.project_polygon(SQUARE.flip(0), 6), reference, atol=1e-14)
     assert torch.allclose(sh.project_polygon(SQUARE * 7, 6), reference, atol=1e-14)
-    divided = torch.cat(
-        [SQUARE[:1], (SQUARE[:1] + SQUARE[1:2]) / 2, SQUARE[1:], SQUARE[:1]]
-    )  # one corner twice
+    divided = torch.cat([SQUARE[:1], (SQUARE[:1] + SQUARE[1:2]) / 2, SQUARE[1:], SQUARE[:1]])  # one corner twice
     assert torch.allclose(sh.project_polygon(divided, 6), reference, atol=1e-14)
 
 
@@ -97,9 +91,7 @@ def test_tiny_polygon_is_a_point_of_its_solid_angle():
 def test_hemisphere_in_the_limit():
     """A huge plane fills the half space, which has sqrt(pi), sqrt(3 pi)/2 and 0 in bands 0, 1 and 2."""
     values = sh.project_polygon(SQUARE * torch.tensor([1e8, 1e8, 1.0]), 3)
-    assert values[[0, 2, 6]].tolist() == pytest.approx(
-        [math.sqrt(math.pi), math.sqrt(3 * math.pi) / 2, 0], abs=1e-7
-    )
+    assert values[[0, 2, 6]].tolist() == pytest.approx([math.sqrt(math.pi), math.sqrt(3 * math.pi) / 2, 0], abs=1e-7)
 
 
 @pytest.mark.parametrize("order", [1, 4])

@@ -62,14 +62,10 @@ def test_turned_lobe_depends_on_the_angle_to_its_axis_alone(order, directions, d
     zonal = sh.clamped_cosine(order, dtype)
     pole = torch.tensor([0.0, 0.0, 1.0], dtype=dtype)
     upright, axis = sh.rotate_zonal(zonal, pole), directions[50].to(dtype)
-    assert (upright != 0).nonzero().reshape(-1).tolist() == [
-        l * (l + 1) for l in range(order) if zonal[l] != 0
-    ]
+    assert (upright != 0).nonzero().reshape(-1).tolist() == [l * (l + 1) for l in range(order) if zonal[l] != 0]
     turned = sh.evaluate(sh.rotate_zonal(zonal, axis), directions.to(dtype))
     cosine = directions.to(dtype) @ axis
-    meridian = torch.stack(
-        [(1 - cosine.square()).clamp_min(0).sqrt(), torch.zeros_like(cosine), cosine], dim=-1
-    )
+    meridian = torch.stack([(1 - cosine.square()).clamp_min(0).sqrt(), torch.zeros_like(cosine), cosine], dim=-1)
     assert torch.allclose(turned, sh.evaluate(upright, meridian), atol=10 * tolerance)
 
 

@@ -4,9 +4,9 @@ import math
 
 import pytest
 import torch
-from diffprt.kernels import TriangleMesh
 
 from diffprt import sh
+from diffprt.kernels import TriangleMesh
 from diffprt.scene import Scene, builtin_scene
 from diffprt.transfer import Receivers, Surfaces, bake
 from diffprt.transfer.direct import DirectTracer, direct_transfer, open_transfer

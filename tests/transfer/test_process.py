@@ -40,7 +40,7 @@ def test_killed_bake_resumes_to_the_same_bytes(tmp_path, how):
         "--order",
         "3",
         "--rays",
-        "2048",
+        "256",
         "--bounces",
         "1",
     ]
@@ -68,7 +68,7 @@ def test_killed_bake_resumes_to_the_same_bytes(tmp_path, how):
     assert counts["recomputed_in_flight"] <= os.cpu_count()
     assert f"resumed: {done} of {counts['chunks']} chunks" in run.stdout
     assert not parts.exists()
-    whole = bake(builtin_scene("bunny"), order=3, rays=2048, bounces=1)
+    whole = bake(builtin_scene("bunny"), order=3, rays=256, bounces=1)
     asset.save(whole, tmp_path / "whole.prt")
     assert target.read_bytes() == (tmp_path / "whole.prt").read_bytes()
 
