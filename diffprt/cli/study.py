@@ -46,14 +46,7 @@ def reference(
     rows = [
         [r["light"], *(f"{100 * r[key]:.2f} %" for key in shares), f"{r['mean_ratio']:.4f}"] for r in report["rows"]
     ]
-    columns = [
-        "light",
-        "error without noise",
-        "resolved down to",
-        "reference noise",
-        "raw difference",
-        "mean ratio",
-    ]
-    print_table(f"{source} against Mitsuba", columns, rows)
+    columns = ["light", "error", "resolved to", "noise", "difference", "mean ratio"]
+    print_table(f"{source} against Mitsuba (error: difference less noise)", columns, rows)
     print(f"pictures: {output}")
     write_report(json_file, "study reference", report)

@@ -1,0 +1,1 @@
+"""Studies: accuracy against time and bytes, with peers side by side. Peers are optional dependencies."""
