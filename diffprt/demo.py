@@ -109,7 +109,7 @@ def run_demo(
             directory / "page",
             lights=balanced,
             camera=camera,
-            title="Bunny, 128 clusters x 8 components",
+            title=f"Bunny, {clusters} clusters x {components} components",
         )
     last, before = pictures[-1][-1], pictures[-1][-2]
     result.counts = {

@@ -25,7 +25,11 @@ def run(
 ) -> None:
     begun = time.perf_counter()
     asset = load_asset(source)
-    lights = {Path(name).stem: balance(asset, load_light(name, asset.order, window=window)) for name in light}
+    lights: dict[str, Light] = {}
+    for name in light:
+        stem = Path(name).stem.removeprefix("builtin:")
+        shown = next(n for n in (stem, *(f"{stem} {i}" for i in range(2, len(light) + 2))) if n not in lights)
+        lights[shown] = balance(asset, load_light(name, asset.order, window=window))
     check_output(output, directory=True)
     report = export(asset, output, lights=lights, curve=curve, title=title or source.stem)
     print(f"{report['path']}: {size_text(report['bytes'])}; open it in a browser")

@@ -23,6 +23,17 @@ def parse_color(text: str, name: str) -> tuple[float, float, float]:
     return tuple(values * (3 // len(values)))
 
 
+def parse_number(text: str, name: str) -> float:
+    """One positive number."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0 < value < math.inf:
+        raise InputError(f"{name} is '{text}': give a positive number")
+    return value
+
+
 def parse_size(text: str) -> tuple[int, int]:
     """WIDTHxHEIGHT or one side."""
     try:
@@ -41,6 +52,7 @@ def load_light(source: str, order: int, *, window: str = "none", azimuth: float 
         source: "sky", "studio", ..., or the path of an equirectangular .hdr or .exr map.
         azimuth: degrees.
     """
+    source = source.removeprefix("builtin:")
     environment = builtin_environment(source) if source in BUILTIN_ENVIRONMENTS else Environment.load(Path(source))
     light = environment.project(order, window=window)
     return light.rotate(turn_about_y(azimuth)) if azimuth else light

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import typer
 
-from diffprt.cli.inputs import load_asset, load_light, parse_color, parse_size
+from diffprt.cli.inputs import load_asset, load_light, parse_color, parse_number, parse_size
 from diffprt.cli.report import JsonFile, check_output, write_report
 from diffprt.errors import InputError
 from diffprt.images import write_image
@@ -17,7 +17,7 @@ from diffprt.shade import tone_map
 
 def run(
     source: Path = typer.Argument(..., metavar="ASSET", help="A .prt file."),
-    light: str = typer.Option("studio", help="sky, studio, constant, or an equirectangular .hdr or .exr map."),
+    light: str = typer.Option("studio", help="sky, studio, constant, or an equirectangular map (.hdr, .exr, .png)."),
     output: Path = typer.Option(Path("render.png"), "-o", "--output", help="A .png (display) or .exr (radiance)."),
     size: str = typer.Option("512", help="Pixels: 512 or 640x480."),
     azimuth: float = typer.Option(25.0, help="Camera, degrees around +y from +z."),
@@ -35,7 +35,7 @@ def run(
         raise InputError(f"output {output} has ending '{output.suffix}': give a .png or .exr file")
     behind = background if background == "light" else parse_color(background, "background")
     width, height = parse_size(size)
-    factor = None if exposure == "auto" else parse_color(exposure, "exposure")[0]
+    factor = None if exposure == "auto" else parse_number(exposure, "exposure")
     begun = time.perf_counter()
     asset = load_asset(source)
     radiance = load_light(light, asset.order, window=window, azimuth=light_azimuth)

@@ -65,7 +65,7 @@ def machine() -> dict:
 
 def print_table(title: str, columns: list[str], rows: list[list[str]]) -> None:
     """A plain table on standard output; all but the first column are right-aligned."""
-    table = Table(title=title, box=rich.box.SIMPLE_HEAD, title_justify="left")
+    table = Table(box=rich.box.SIMPLE_HEAD)
     for index, column in enumerate(columns):
         table.add_column(column, justify="left" if index == 0 else "right", overflow="fold")
     for row in rows:
@@ -73,6 +73,7 @@ def print_table(title: str, columns: list[str], rows: list[list[str]]) -> None:
     console = Console()
     if not console.is_terminal:
         console = Console(width=100)
+    console.print(title, markup=False, highlight=False, soft_wrap=True)
     console.print(table)
 
 

@@ -25,7 +25,7 @@ class Mesh:
         colors: float32 [V, 3] or None, linear RGB in [0, 1] that multiplies the albedo.
         material: index into the scene's materials.
         name: for messages.
-        occluder_only: blocks and reflects light but receives none that is shown.
+        occluder_only: blocks light and absorbs it; it is not shown.
         ground: made by `Scene.with_ground`.
         computed_normals: the normals follow from positions and faces.
     """

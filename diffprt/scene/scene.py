@@ -63,6 +63,8 @@ class Scene:
             InputError: the file is missing, unreadable, no mesh, or its mesh is refused.
         """
         if str(path).startswith(_BUILTIN):
+            if (up, non_finite, winding) != (None, "refuse", "repair"):
+                raise InputError(f"scene {path} is built in and sound: leave out up, non_finite and winding")
             return builtin_scene(str(path)[len(_BUILTIN) :])
         path = Path(path)
         parts = read_parts(path).turned_up(up)
@@ -153,7 +155,7 @@ class Scene:
         return replace(self, meshes=(*self.meshes, ground), materials=materials)
 
     def with_occluder(self, occluder: Mesh | Scene) -> Scene:
-        """The scene with geometry that blocks and reflects light but is not shown.
+        """The scene with geometry that blocks light and absorbs it, and is not shown.
 
         A mesh refers to the materials of this scene; a scene brings its own.
         """

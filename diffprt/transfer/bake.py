@@ -45,7 +45,8 @@ def bake(
         report: filled with timings, counts and errors.
 
     Returns:
-        `Transfer` with its settings and certificate. It carries no gradient: `trace` gives the form that does.
+        `Transfer` with its settings and certificate. Gradients reach the scene's albedo through the bounces, if
+        it asks for them; visibility is frozen. `trace` gives the form for many albedos.
 
     Raises:
         InputError: an option is out of range.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -52,6 +52,16 @@ class Receivers:
         normals = torch.nn.functional.normalize(torch.as_tensor(normals, dtype=torch.float32), dim=-1)
         albedo = torch.as_tensor(albedo, dtype=torch.float32).expand(len(positions), 3).contiguous()
         return Receivers(positions, normals, albedo, torch.zeros((0, 3), dtype=torch.int64))
+
+    def with_albedo(self, albedo: torch.Tensor) -> Receivers:
+        """The same points with `albedo` [V, 3], [V, 1] or [3], in [0, 1]; it may carry gradients."""
+        if tuple(albedo.shape) not in ((len(self), 3), (len(self), 1), (3,)):
+            raise InputError(f"albedo has shape {tuple(albedo.shape)}: give [{len(self)}, 3], [{len(self)}, 1] or [3]")
+        if not bool(((albedo >= 0) & (albedo <= 1)).all()):
+            raise InputError(
+                f"albedo has values from {float(albedo.min()):.3g} to {float(albedo.max()):.3g}: give values in [0, 1]"
+            )
+        return replace(self, albedo=albedo.expand(len(self), 3))
 
     def hash(self) -> str:
         """SHA-256 of positions and normals."""

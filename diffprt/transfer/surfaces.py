@@ -34,6 +34,11 @@ class Surfaces:
         geometry = scene.merged()
         if len(geometry.faces) == 0:
             raise InputError(f"scene '{scene.name}' has no triangles: load a mesh with faces")
+        for material in scene.materials:
+            if material.brdf != "lambert":
+                raise InputError(
+                    f"material '{material.name}' has BRDF '{material.brdf}': diffuse transfer knows lambert"
+                )
         seen = torch.tensor([not mesh.occluder_only for mesh in scene.meshes])
         receives = seen[geometry.mesh_of_vertex.long()]
         index = torch.where(receives, receives.long().cumsum(0) - 1, -1)

@@ -59,26 +59,31 @@ class Transport:
 
         Args:
             bounces: without it, as many as were asked when tracing.
-            albedo: [V, 3] or [V, 1], without it the receivers' own. Gradients reach it.
+            albedo: [V, 3], [V, 1] or [3], in [0, 1]; without it the receivers' own. Gradients reach it, and the
+                receivers of the result have it, so that `shade` uses it too.
+
+        Raises:
+            InputError: bounces without a traced operator, or an albedo of another shape or range.
         """
         bounces = self.settings.bounces if bounces is None else bounces
         if bounces > 0 and self.operator is None:
             raise InputError(
                 f"{bounces} bounces were asked of transport traced without any: trace with bounces=1 or more"
             )
-        albedo = self.receivers.albedo if albedo is None else albedo
-        if albedo.shape[1] == 3 and not albedo.requires_grad and bool((albedo == albedo[:, :1]).all()):
-            albedo = albedo[:, :1]
+        receivers = self.receivers if albedo is None else self.receivers.with_albedo(albedo)
+        reflectance = receivers.albedo
+        if not reflectance.requires_grad and bool((reflectance == reflectance[:, :1]).all()):
+            reflectance = reflectance[:, :1]
         signal = self.direct
         if bounces > 0:
-            signal = interreflect(self.direct.expand(-1, albedo.shape[1], -1), self.operator, albedo, bounces)
-        return self.as_transfer(signal, bounces)
+            signal = interreflect(self.direct.expand(-1, reflectance.shape[1], -1), self.operator, reflectance, bounces)
+        return self.as_transfer(signal, bounces, receivers)
 
-    def as_transfer(self, signal: torch.Tensor, bounces: int) -> Transfer:
+    def as_transfer(self, signal: torch.Tensor, bounces: int, receivers: Receivers | None = None) -> Transfer:
         """`signal` [V, C, K] at these receivers, with settings and certificate."""
         return Transfer(
             signal.contiguous(),
-            self.receivers,
+            receivers or self.receivers,
             {**self.settings.as_dict(), "bounces": bounces},
             {},
             _certificate(signal.detach(), self.error),

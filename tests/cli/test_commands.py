@@ -126,6 +126,7 @@ def mistakes(folder, tmp_path):
         "NaN vertices": (("bake", tmp_path / "nan.obj", "-o", out), "non-finite"),
         "indices out of range": (("bake", tmp_path / "range.obj", "-o", out), "range"),
         "empty mesh": (("bake", tmp_path / "empty.obj", "-o", out), "empty"),
+        "up of a built-in scene": (("bake", "builtin:sphere", "--up", "z", "-o", out), "built in"),
         "unknown scene": (("bake", "builtin:teapot", "-o", out), "teapot"),
         "order 0": (("bake", ball, "--order", 0, "-o", out), "order 0"),
         "order 40": (("bake", ball, "--order", 40, "-o", out), "order 40"),
@@ -159,12 +160,12 @@ def mistakes(folder, tmp_path):
 
 
 NAMES = [
-    "missing file", "a folder", "not a mesh", "unknown ending", "NaN vertices", "indices out of range", "empty mesh",
-    "unknown scene", "order 0", "order 40", "negative rays", "words for rays", "bad albedo", "albedo above 1",
-    "bad quality", "bad up", "threads 0", "wrong ending", "output below a file", "too much memory", "no clusters",
-    "compressed twice", "truncated asset", "hostile asset", "missing map", "not a map", "square map", "bad size",
-    "bad curve", "bad window", "bad exposure", "picture ending", "page below a file", "report below a file",
-    "unknown option", "unknown command",
+    "missing file", "a folder", "not a mesh", "unknown ending", "NaN vertices", "indices out of range",
+    "empty mesh", "up of a built-in scene", "unknown scene", "order 0", "order 40", "negative rays",
+    "words for rays", "bad albedo", "albedo above 1", "bad quality", "bad up", "threads 0", "wrong ending",
+    "output below a file", "too much memory", "no clusters", "compressed twice", "truncated asset", "hostile asset",
+    "missing map", "not a map", "square map", "bad size", "bad curve", "bad window", "bad exposure",
+    "picture ending", "page below a file", "report below a file", "unknown option", "unknown command",
 ]  # fmt: skip
 
 

@@ -6,7 +6,9 @@ import math
 import pytest
 import torch
 
+from diffprt.errors import InputError
 from diffprt.scene import Scene, builtin_scene
+from diffprt.shade import shade
 from diffprt.transfer import BounceOperator, Receivers, bake, interreflect, trace
 from diffprt.transfer.operator import OperatorRows, rows_from_hits
 
@@ -152,8 +154,17 @@ def test_rows_from_hits_sums_duplicates_and_skips_occluders():
     assert empty.counts.tolist() == [0, 0]
 
 
-def test_bounces_without_a_traced_operator_are_refused(bumpy):
-    from diffprt.errors import InputError
+def test_albedo_given_later_is_used_for_bounces_and_on_exit(bumpy):
+    transport = trace(bumpy, order=2, rays=64, bounces=2)
+    light = torch.rand(4, 3, generator=torch.Generator().manual_seed(0))
+    later = shade(transport.transfer(albedo=torch.tensor([0.2, 0.4, 0.6])), light)
+    before = shade(bake(bumpy.with_albedo((0.2, 0.4, 0.6)), order=2, rays=64, bounces=2), light)
+    assert torch.allclose(later, before, atol=1e-6)
+    for wrong, message in [(torch.rand(5), "shape"), (torch.full((3,), 1.5), "values from 1.5")]:
+        with pytest.raises(InputError, match=message):
+            transport.transfer(albedo=wrong)
 
+
+def test_bounces_without_a_traced_operator_are_refused(bumpy):
     with pytest.raises(InputError, match="trace with bounces=1"):
         trace(bumpy, order=1, rays=4, bounces=0).transfer(2)
