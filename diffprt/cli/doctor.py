@@ -12,8 +12,9 @@ import torch
 from diffprt.cli.report import JsonFile, machine, print_table, size_text, write_report
 from diffprt.errors import InputError
 from diffprt.kernels import TriangleMesh, compile_kernels
-from diffprt.kernels.direct import blocked_basis_sums
-from diffprt.kernels.mesh import closest_hit
+from diffprt.kernels.bvh import build_subtree
+from diffprt.kernels.mesh import trace_rays
+from diffprt.kernels.packets import trace_hemispheres
 from diffprt.kernels.raster import cover
 from diffprt.progress import status
 from diffprt.transfer import available_memory
@@ -31,7 +32,7 @@ def run(json_file: Path = JsonFile) -> None:
     about = machine()
     begun = time.perf_counter()
     with status("compiling kernels (only the first time)"):
-        compile_kernels(blocked_basis_sums, closest_hit, cover)
+        compile_kernels(build_subtree, trace_rays, trace_hemispheres, cover)
     compiled = time.perf_counter() - begun
     rate = _rays_per_second()
     browser = next((found for name in BROWSERS if (found := shutil.which(name))), None)

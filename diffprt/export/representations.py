@@ -16,8 +16,6 @@ from diffprt.compress.clustered import ClusteredTransfer
 from diffprt.errors import InputError
 from diffprt.transfer import Transfer
 
-_LARGEST_PLAIN_ORDER = 10
-
 
 @dataclass(frozen=True)
 class Packed:
@@ -52,11 +50,6 @@ def pack(asset: Transfer | ClusteredTransfer) -> Packed:
 
 
 def _pack_plain(asset: Transfer) -> Packed:
-    if asset.order > _LARGEST_PLAIN_ORDER:
-        raise InputError(
-            f"transfer has order {asset.order}, the plain shader holds orders up to {_LARGEST_PLAIN_ORDER}: "
-            f"compress the transfer first, or bake with order={_LARGEST_PLAIN_ORDER}"
-        )
     return Packed(
         kind="diffuse",
         shader="diffuse.vert.glsl",

@@ -6,11 +6,10 @@ import math
 
 import numpy as np
 import torch
-import warp as wp
 
 from diffprt import sh
-from diffprt.kernels import TriangleMesh, compile_kernels
-from diffprt.kernels.direct import blocked_basis_sums
+from diffprt.kernels import TriangleMesh
+from diffprt.kernels.packets import HemisphereTracer
 from diffprt.transfer.operator import OperatorRows, rows_from_hits
 from diffprt.transfer.receivers import Receivers
 from diffprt.transfer.sampling import Pattern
@@ -39,32 +38,12 @@ class DirectTracer:
         source_of_corner: np.ndarray | None,
         sources: int,
     ) -> None:
-        compile_kernels(blocked_basis_sums)
-        self.mesh, self.order, self.sources = mesh, order, sources
-        self.rays = len(pattern.spiral)
-        self.count = len(receivers)
+        self.count, self.rays, self.sources = len(receivers), len(pattern.spiral), sources
         self.source_of_corner = source_of_corner
         self.size = max(1, min(4096, _RAYS_PER_CHUNK // self.rays))
         tables = sh.recurrence_tables(order, torch.float32)
-        self._held = [
-            receivers.origins(mesh.ray_offset()),
-            receivers.normals.float().contiguous(),
-            pattern.rotation,
-            pattern.ring_shift,
-            pattern.spiral,
-            *(t.contiguous() for t in tables),
-        ]
-        origins, normals, rotation, shift, spiral, *tables = self._held
-        self._inputs = [
-            mesh.id,
-            wp.from_torch(origins, dtype=wp.vec3),
-            wp.from_torch(normals, dtype=wp.vec3),
-            wp.from_torch(rotation, dtype=wp.vec2),
-            wp.from_torch(shift),
-            wp.from_torch(spiral, dtype=wp.vec2),
-            order,
-            *(wp.from_torch(t) for t in tables),
-        ]
+        origins = receivers.origins(mesh.ray_offset())
+        self._tracer = HemisphereTracer(mesh, origins, receivers.normals, pattern, order, tables)
 
     @property
     def chunks(self) -> int:
@@ -81,27 +60,13 @@ class DirectTracer:
 
     def trace_rows(self, rows: range) -> tuple[np.ndarray, OperatorRows | None]:
         """As `trace`, for any run of receivers."""
-        sums = np.zeros((2, len(rows), self.order**2), np.float32)
         want_hits = self.source_of_corner is not None
-        shape = (len(rows), self.rays) if want_hits else (1, 1)
-        hit_face = np.empty(shape, np.int32)
-        hit_weights = np.empty((*shape, 2), np.float32)
-        wp.launch(
-            blocked_basis_sums,
-            len(rows),
-            inputs=[*self._inputs, rows.start, int(want_hits)],
-            outputs=[_wrap(sums, wp.float32), _wrap(hit_face, wp.int32), _wrap(hit_weights, wp.vec2)],
-            device="cpu",
-            record_tape=False,
-        )
+        sums, face, weights, _ = self._tracer.trace(rows, hits=want_hits)
         if not want_hits:
-            return sums, None
-        return sums, rows_from_hits(hit_face, hit_weights, self.source_of_corner, self.sources)
-
-
-def _wrap(array: np.ndarray, dtype: type) -> wp.array:
-    """A Warp array over numpy memory, without a copy."""
-    return wp.array(array, dtype=dtype, device="cpu", copy=False)
+            return sums.numpy(), None
+        return sums.numpy(), rows_from_hits(
+            face.numpy(), weights.numpy(), self.source_of_corner, self.sources, self.rays
+        )
 
 
 def open_transfer(normals: torch.Tensor, order: int) -> torch.Tensor:

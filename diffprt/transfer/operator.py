@@ -25,7 +25,7 @@ class OperatorRows:
 
 
 def rows_from_hits(
-    hit_face: np.ndarray, hit_weights: np.ndarray, source_of_corner: np.ndarray, sources: int
+    hit_face: np.ndarray, hit_weights: np.ndarray, source_of_corner: np.ndarray, sources: int, rays: int
 ) -> OperatorRows:
     """Gathers what each receiver's rays hit.
 
@@ -33,12 +33,13 @@ def rows_from_hits(
     radiance is albedo / pi times the hit's own transfer, so every ray weighs 1 / D (pi cancels).
 
     Args:
-        hit_face: int32 [rows, D], -1 where nothing reflects.
-        hit_weights: float32 [rows, D, 2], barycentric coordinates of the first two corners.
+        hit_face: int32 [rows, >= D], -1 where nothing reflects.
+        hit_weights: float32 [rows, >= D, 2], barycentric coordinates of the first two corners.
         source_of_corner: int64 [F, 3], source of each face corner; -1 for surfaces that only occlude.
         sources: number of sources.
+        rays: D.
     """
-    rows, rays = hit_face.shape
+    rows = len(hit_face)
     row, ray = np.nonzero(hit_face >= 0)
     corners = source_of_corner[hit_face[row, ray]]
     first_two = hit_weights[row, ray].astype(np.float64)

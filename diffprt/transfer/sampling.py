@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
+import numpy as np
 import torch
 
 _GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
@@ -12,10 +14,12 @@ _GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
 
 @dataclass(frozen=True)
 class Pattern:
-    """What `kernels.direct` needs to make a receiver's directions.
+    """What `diffprt.kernels` needs to make a receiver's directions.
 
     Attributes:
-        spiral: float32 [D, 2], cosine and sine of D golden angles (Vogel 1979).
+        spiral: float32 [D, 3], cosine and sine of a golden angle, and which multiple it is (Vogel 1979). Near
+            directions stand together, down to pairs, so that runs of 16 are narrow packets and the even and the
+            odd rows are two equally stratified halves.
         rotation: float32 [V, 2], cosine and sine of each receiver's turn.
         ring_shift: float32 [V], in [0, 1).
     """
@@ -27,14 +31,27 @@ class Pattern:
     @staticmethod
     def create(rays: int, scramble: torch.Tensor) -> Pattern:
         """The pattern of `rays` directions for receivers with the numbers `scramble` int64 [V]."""
-        angle = torch.arange(rays, dtype=torch.float64) * _GOLDEN_ANGLE
         turn = (scramble & 0xFFFF).double() / 65536 * (2 * math.pi)
         shift = ((scramble >> 16).double() + 0.5) / 65536
         return Pattern(
-            torch.stack([angle.cos(), angle.sin()], dim=1).float(),
+            _spiral(rays),
             torch.stack([turn.cos(), turn.sin()], dim=1).float(),
             shift.float(),
         )
+
+
+@lru_cache(maxsize=8)
+def _spiral(rays: int) -> torch.Tensor:
+    """The spiral's table, ordered by halving the disc in turns along x and y until two points are left."""
+    index = np.arange(rays)
+    angle = index * _GOLDEN_ANGLE
+    radius = np.sqrt((index + 0.5) / rays)
+    disc = np.stack([radius * np.cos(angle), radius * np.sin(angle)])
+    order, size, axis = index, 1 << max(rays - 1, 1).bit_length(), 0
+    while size > 2:
+        order = order[np.lexsort((disc[axis, order], index // size))]
+        size, axis = size // 2, 1 - axis
+    return torch.from_numpy(np.stack([np.cos(angle), np.sin(angle), index], axis=1)[order]).float()
 
 
 def tangent_frames(normals: torch.Tensor) -> torch.Tensor:
@@ -53,7 +70,7 @@ def hemisphere_directions(normals: torch.Tensor, pattern: Pattern) -> torch.Tens
     dtype = normals.dtype
     spiral, rotation, shift = (t.to(dtype) for t in (pattern.spiral, pattern.rotation, pattern.ring_shift))
     rays = len(spiral)
-    square = (torch.arange(rays, dtype=dtype) + shift[:, None]) / rays
+    square = (spiral[:, 2] + shift[:, None]) / rays
     cosine = spiral[:, 0] * rotation[:, :1] - spiral[:, 1] * rotation[:, 1:]
     sine = spiral[:, 0] * rotation[:, 1:] + spiral[:, 1] * rotation[:, :1]
     radius = square.sqrt()

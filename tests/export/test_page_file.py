@@ -96,13 +96,11 @@ def test_mistakes_are_told_in_one_line(plain, synthetic, tmp_path) -> None:
     taken.mkdir(parents=True)
     (taken / "inside").write_text("")
     bare = Transfer(plain.diffuse[:2], Receivers.points(torch.rand(2, 3), torch.rand(2, 3)))
-    big = Transfer(torch.zeros(len(plain.receivers), 1, 121), plain.receivers)
     wrong = {"a": synthetic.random_light(6, 1)}
     cases = [
         (plain, occupied, {}, "cannot be made"),
         (plain, taken.parent, {}, "cannot be written"),
         (bare, tmp_path, {}, "no faces"),
-        (big, tmp_path, {}, "orders up to 10"),
         (plain, tmp_path, {"lights": wrong}, "transfer has 16 SH coefficients, light has 36"),
         (plain, tmp_path, {"lights": {}}, "lights are empty"),
         (plain, tmp_path, {"curve": "filmic"}, "linear, reinhard, aces"),

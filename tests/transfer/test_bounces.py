@@ -144,12 +144,12 @@ def test_rows_from_hits_sums_duplicates_and_skips_occluders():
 
     face = np.array([[0, 0, 1, -1]], np.int32)
     weights = np.array([[[1, 0], [0.5, 0.5], [0.25, 0.25], [0, 0]]], np.float32)
-    rows = rows_from_hits(face, weights, np.array([[0, 1, 2], [2, -1, 3]]), 4)
+    rows = rows_from_hits(face, weights, np.array([[0, 1, 2], [2, -1, 3]]), 4, 4)
     assert rows.counts.tolist() == [4]
     assert rows.columns.tolist() == [0, 1, 2, 3]
     assert rows.values.tolist() == pytest.approx([1.5 / 4, 0.5 / 4, 0.25 / 4, 0.5 / 4])
     empty = rows_from_hits(
-        np.full((2, 3), -1, np.int32), np.zeros((2, 3, 2), np.float32), np.zeros((1, 3), np.int64), 1
+        np.full((2, 3), -1, np.int32), np.zeros((2, 3, 2), np.float32), np.zeros((1, 3), np.int64), 1, 3
     )
     assert empty.counts.tolist() == [0, 0]
 

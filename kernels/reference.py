@@ -1,4 +1,4 @@
-"""Direct transfer: every receiver traces its hemisphere and sums the SH basis over blocked directions.
+"""The pure-Warp twin of `kernels.packets`: Warp's own mesh queries, one ray at a time, on any device.
 
 Directions are a golden-angle spiral over the disc, lifted to the hemisphere (Malley), so that they are
 cosine-distributed and stratified at any count; each receiver turns the spiral by its own angle and shifts
@@ -8,7 +8,10 @@ directions are summed: an unoccluded receiver has no noise at all.
 
 from __future__ import annotations
 
+import torch
 import warp as wp
+
+from diffprt.kernels.launch import start
 
 
 @wp.func
@@ -25,9 +28,9 @@ def tangent_frame(n: wp.vec3):
 
 
 @wp.func
-def spiral_direction(turn: wp.vec2, ray: int, rays: int, ring_shift: float):
-    """Cosine-distributed direction number `ray` in the local frame."""
-    square = (float(ray) + ring_shift) / float(rays)
+def spiral_direction(turn: wp.vec2, index: float, rays: int, ring_shift: float):
+    """Cosine-distributed direction number `index` in the local frame."""
+    square = (index + ring_shift) / float(rays)
     radius = wp.sqrt(square)
     return wp.vec3(radius * turn[0], radius * turn[1], wp.sqrt(wp.max(1.0 - square, 0.0)))
 
@@ -70,7 +73,7 @@ def blocked_basis_sums(
     normals: wp.array(dtype=wp.vec3),
     rotation: wp.array(dtype=wp.vec2),
     ring_shift: wp.array(dtype=wp.float32),
-    spiral: wp.array(dtype=wp.vec2),
+    spiral: wp.array(dtype=wp.vec3),
     order: int,
     diagonal: wp.array(dtype=wp.float32),
     a: wp.array(dtype=wp.float32),
@@ -87,7 +90,7 @@ def blocked_basis_sums(
         origins: [V] where rays start, off the surface.
         rotation: [V] cosine and sine of the angle that turns the receiver's spiral.
         ring_shift: [V] in [0, 1).
-        spiral: [D] cosine and sine of D golden angles.
+        spiral: [D] cosine and sine of a golden angle, and which multiple it is.
         sums: [2, chunk, K], zero at first: sums over blocked directions, even and odd rays apart.
         hit_face: [chunk, D], the face first hit from its front, else -1; written when `want_hits` is 1.
         hit_weights: [chunk, D], barycentric coordinates of the face's first two corners.
@@ -101,7 +104,7 @@ def blocked_basis_sums(
     for ray in range(rays):
         s = spiral[ray]
         turn = wp.vec2(s[0] * cs[0] - s[1] * cs[1], s[0] * cs[1] + s[1] * cs[0])
-        d = frame * spiral_direction(turn, ray, rays, ring_shift[receiver])
+        d = frame * spiral_direction(turn, s[2], rays, ring_shift[receiver])
         if want_hits == 1:
             hit = wp.mesh_query_ray(mesh, origin, d, 3.0e38)
             if hit.result:
@@ -116,3 +119,40 @@ def blocked_basis_sums(
         else:
             if wp.mesh_query_ray_anyhit(mesh, origin, d, 3.0e38):
                 add_basis(d, order, diagonal, a, b, ray & 1, row, sums)
+
+
+def trace_reference(
+    positions: torch.Tensor,
+    faces: torch.Tensor,
+    origins: torch.Tensor,
+    normals: torch.Tensor,
+    spiral: torch.Tensor,
+    rotation: torch.Tensor,
+    ring_shift: torch.Tensor,
+    order: int,
+    tables: tuple[torch.Tensor, ...],
+    *,
+    hits: bool,
+    device: str = "cpu",
+) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+    """Sums, hit faces and hit weights of all receivers, as `packets.HemisphereTracer.trace` without empty lanes."""
+    start()
+
+    def array(tensor: torch.Tensor, dtype: type) -> wp.array:
+        return wp.array(tensor.detach().contiguous().numpy(), dtype=dtype, device=device)
+
+    mesh = wp.Mesh(points=array(positions, wp.vec3), indices=array(faces.reshape(-1).to(torch.int32), wp.int32))
+    count, rays = len(origins), len(spiral)
+    sums = wp.zeros((2, count, order**2), dtype=wp.float32, device=device)
+    face = wp.full((count, rays), -1, dtype=wp.int32, device=device)
+    weights = wp.zeros((count, rays), dtype=wp.vec2, device=device)
+    inputs = [array(origins, wp.vec3), array(normals, wp.vec3), array(rotation, wp.vec2), array(ring_shift, wp.float32)]
+    wp.launch(
+        blocked_basis_sums,
+        count,
+        inputs=[mesh.id, *inputs, array(spiral, wp.vec3), order, *(array(t, wp.float32) for t in tables), 0, int(hits)],
+        outputs=[sums, face, weights],
+        device=device,
+        record_tape=False,
+    )
+    return torch.from_numpy(sums.numpy()), torch.from_numpy(face.numpy()), torch.from_numpy(weights.numpy())
