@@ -22,7 +22,7 @@ from diffprt.kernels.mesh import TriangleMesh
 from diffprt.kernels.reference import tangent_frame
 
 WIDTH = 16
-_RAYS_PER_LAUNCH = 1 << 20
+_RAYS_PER_LAUNCH = 1 << 17
 
 
 class Pattern(Protocol):
@@ -77,21 +77,47 @@ for (int k = 0; k < coefficients; k++) sum[k] = zero;
 int blocked_rays = 0;
 const float per_ray = 1.0f / (float)rays;
 
-for (int packet = 0; packet * WIDTH < rays; packet++) {
+vf dx, dy, dz;
+vi alive;   // the last packet may be partly empty
+auto aim = [&](int packet) {
   vf cosine, sine, index;
   const float* lanes = spiral.data + 3 * WIDTH * packet;
   __builtin_memcpy(&cosine, lanes, sizeof(vf));
   __builtin_memcpy(&sine, lanes + WIDTH, sizeof(vf));
   __builtin_memcpy(&index, lanes + 2 * WIDTH, sizeof(vf));
-  const vi alive = index >= 0.0f;   // the last packet may be partly empty
+  alive = index >= 0.0f;
   const vf square = (index + ring_shift) * per_ray;
   const vf radius = __builtin_elementwise_sqrt(high(square, zero));
   const vf height = __builtin_elementwise_sqrt(high(one - square, zero));
   const vf lx = radius * (cosine * turn_cosine - sine * turn_sine);
   const vf ly = radius * (cosine * turn_sine + sine * turn_cosine);
-  const vf dx = lx * frame.data[0][0] + ly * frame.data[0][1] + height * frame.data[0][2];
-  const vf dy = lx * frame.data[1][0] + ly * frame.data[1][1] + height * frame.data[1][2];
-  const vf dz = lx * frame.data[2][0] + ly * frame.data[2][1] + height * frame.data[2][2];
+  dx = lx * frame.data[0][0] + ly * frame.data[0][1] + height * frame.data[0][2];
+  dy = lx * frame.data[1][0] + ly * frame.data[1][1] + height * frame.data[1][2];
+  dz = lx * frame.data[2][0] + ly * frame.data[2][1] + height * frame.data[2][2];
+};
+// The recurrences of diffprt.sh.basis, for all lanes, each with its weight.
+auto add_basis = [&](vf weight) {
+  vf A = weight, B = zero;
+  for (int m = 0; m < order; m++) {
+    vf before = zero, legendre = zero + diagonal.data[m];
+    for (int l = m; l < order; l++) {
+      const int k = l * (l + 1);
+      if (l > m) {
+        const vf after = recurrence_a.data[k + m] * dz * legendre - recurrence_b.data[k + m] * before;
+        before = legendre;
+        legendre = after;
+      }
+      sum[k + m] += legendre * A;
+      if (m > 0) sum[k - m] += legendre * B;
+    }
+    const vf turned = dx * A - dy * B;
+    B = dx * B + dy * A;
+    A = turned;
+  }
+};
+
+for (int packet = 0; packet * WIDTH < rays; packet++) {
+  aim(packet);
   auto reciprocal = [&](vf d) { return one / (((d < 1e-20f) & (d > -1e-20f)) ? zero + 1e-20f : d); };
   const vf ix = reciprocal(dx), iy = reciprocal(dy), iz = reciprocal(dz);
   // The far child waits: which one is far is the packet's middle ray's word.
@@ -151,25 +177,13 @@ for (int packet = 0; packet * WIDTH < rays; packet++) {
     __builtin_memcpy(hit_face.data + (long long)row * hit_stride + WIDTH * packet, &face, sizeof(vi));
     for (int lane = 0; lane < WIDTH; lane++) { weights[2 * lane] = u[lane]; weights[2 * lane + 1] = v[lane]; }
   }
-  if (coefficients == 0 || !any(blocked)) continue;
-  // The recurrences of diffprt.sh.basis, for all lanes; open lanes weigh nothing.
-  vf A = blocked ? one : zero, B = zero;
-  for (int m = 0; m < order; m++) {
-    vf before = zero, legendre = zero + diagonal.data[m];
-    for (int l = m; l < order; l++) {
-      const int k = l * (l + 1);
-      if (l > m) {
-        const vf after = recurrence_a.data[k + m] * dz * legendre - recurrence_b.data[k + m] * before;
-        before = legendre;
-        legendre = after;
-      }
-      sum[k + m] += legendre * A;
-      if (m > 0) sum[k - m] += legendre * B;
-    }
-    const vf turned = dx * A - dy * B;
-    B = dx * B + dy * A;
-    A = turned;
-  }
+  if (coefficients > 0 && any(blocked)) add_basis(blocked ? one : zero);
+}
+// Where most is blocked, the open directions are the better estimate: blocked - all = -open.
+if (blocked_rays == rays) {
+  for (int k = 0; k < coefficients; k++) sum[k] = zero;
+} else if (coefficients > 0 && 2 * blocked_rays > rays) {
+  for (int packet = 0; packet * WIDTH < rays; packet++) { aim(packet); add_basis(alive ? -one : zero); }
 }
 for (int k = 0; k < coefficients; k++) {   // pairwise, even and odd lanes apart
   const vf s = sum[k];
@@ -319,7 +333,8 @@ class HemisphereTracer:
         """Traces consecutive receivers on this thread.
 
         Returns:
-            sums float32 [2, R, K] of the SH basis over blocked directions (even and odd lanes), hit face int32
+            sums float32 [2, R, K] of the SH basis over blocked directions, or minus those over open directions where
+            more than half are blocked (even and odd lanes), hit face int32
             [R, D'] (-1 for none, or its back; D' is a multiple of 16, columns in packet order), barycentric
             coordinates of its first two corners float32 [R, D', 2], both empty without `hits`, and the number of
             blocked rays int32 [R].

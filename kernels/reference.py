@@ -3,7 +3,8 @@
 Directions are a golden-angle spiral over the disc, lifted to the hemisphere (Malley), so that they are
 cosine-distributed and stratified at any count; each receiver turns the spiral by its own angle and shifts
 its rings by its own fraction. What an open receiver would gather is known exactly, so only blocked
-directions are summed: an unoccluded receiver has no noise at all.
+directions are summed: an unoccluded receiver has no noise at all. Where more than half is blocked it is the
+open ones: neither has a receiver that sees nothing.
 """
 
 from __future__ import annotations
@@ -38,6 +39,7 @@ def spiral_direction(turn: wp.vec2, index: float, rays: int, ring_shift: float):
 @wp.func
 def add_basis(
     d: wp.vec3,
+    weight: float,
     order: int,
     diagonal: wp.array(dtype=wp.float32),
     a: wp.array(dtype=wp.float32),
@@ -46,8 +48,8 @@ def add_basis(
     row: int,
     sums: wp.array3d(dtype=wp.float32),
 ):
-    """Adds every basis function at `d` to sums[half, row]; the recurrences of `diffprt.sh.basis`."""
-    cosine = float(1.0)
+    """Adds `weight` times every basis function at `d` to sums[half, row]; the recurrences of `diffprt.sh.basis`."""
+    cosine = weight
     sine = float(0.0)
     for m in range(order):
         before = float(0.0)
@@ -91,7 +93,8 @@ def blocked_basis_sums(
         rotation: [V] cosine and sine of the angle that turns the receiver's spiral.
         ring_shift: [V] in [0, 1).
         spiral: [D] cosine and sine of a golden angle, and which multiple it is.
-        sums: [2, chunk, K], zero at first: sums over blocked directions, even and odd rays apart.
+        sums: [2, chunk, K], zero at first: sums over blocked directions, or minus those over open ones where more
+            than half are blocked; even and odd rays apart.
         hit_face: [chunk, D], the face first hit from its front, else -1; written when `want_hits` is 1.
         hit_weights: [chunk, D], barycentric coordinates of the face's first two corners.
     """
@@ -101,6 +104,7 @@ def blocked_basis_sums(
     origin = origins[receiver]
     cs = rotation[receiver]
     rays = spiral.shape[0]
+    blocked = int(0)
     for ray in range(rays):
         s = spiral[ray]
         turn = wp.vec2(s[0] * cs[0] - s[1] * cs[1], s[0] * cs[1] + s[1] * cs[0])
@@ -108,7 +112,8 @@ def blocked_basis_sums(
         if want_hits == 1:
             hit = wp.mesh_query_ray(mesh, origin, d, 3.0e38)
             if hit.result:
-                add_basis(d, order, diagonal, a, b, ray & 1, row, sums)
+                blocked += 1
+                add_basis(d, 1.0, order, diagonal, a, b, ray & 1, row, sums)
                 if wp.dot(hit.normal, d) < 0.0:
                     hit_face[row, ray] = hit.face
                     hit_weights[row, ray] = wp.vec2(hit.u, hit.v)
@@ -118,7 +123,18 @@ def blocked_basis_sums(
                 hit_face[row, ray] = -1
         else:
             if wp.mesh_query_ray_anyhit(mesh, origin, d, 3.0e38):
-                add_basis(d, order, diagonal, a, b, ray & 1, row, sums)
+                blocked += 1
+                add_basis(d, 1.0, order, diagonal, a, b, ray & 1, row, sums)
+    if blocked == rays:
+        for k in range(order * order):
+            sums[0, row, k] = 0.0
+            sums[1, row, k] = 0.0
+    elif 2 * blocked > rays:
+        for ray in range(rays):
+            s = spiral[ray]
+            turn = wp.vec2(s[0] * cs[0] - s[1] * cs[1], s[0] * cs[1] + s[1] * cs[0])
+            d = frame * spiral_direction(turn, s[2], rays, ring_shift[receiver])
+            add_basis(d, -1.0, order, diagonal, a, b, ray & 1, row, sums)
 
 
 def trace_reference(

@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import torch
 import typer
 
 from diffprt import asset as assets
-from diffprt.cli.inputs import parse_color
+from diffprt.cli.inputs import load_light, parse_color
 from diffprt.cli.report import JsonFile, check_output, print_table, size_text, write_report
 from diffprt.errors import InputError
+from diffprt.plan import plan
 from diffprt.progress import status, track
 from diffprt.scene import Scene
 from diffprt.transfer import (
     BakeSettings,
+    Estimate,
+    SamplingRate,
     available_memory,
     bake,
     check_memory,
+    choose_rays,
     discard_chunks,
     estimate_bake,
 )
@@ -32,6 +37,11 @@ def run(
     order: int = typer.Option(None, help="SH bands, 1 to 10."),
     rays: int = typer.Option(None, help="Rays per receiver."),
     bounces: int = typer.Option(None, help="Diffuse interreflections."),
+    tolerance: float = typer.Option(None, help="Instead of rays: the relative error that sampling may leave."),
+    seconds: float = typer.Option(None, help="Instead of rays: about how long this machine may work."),
+    planned: str = typer.Option(
+        "off", "--plan", help="off; on: simulate what the scene calls for; or the light (sky, a map) it is for."
+    ),
     seed: int = typer.Option(0, help="Turns the sample patterns."),
     threads: int = typer.Option(None, help="CPU threads; all by default."),
     albedo: str = typer.Option(None, help="Replaces every albedo: 0.8 or r,g,b."),
@@ -51,44 +61,80 @@ def run(
     scene = _scene(source, albedo, ground, occluder, up=up, non_finite=non_finite, winding=winding)
     for line in scene.defects.lines():
         print(f"note: {line}")
+    decided = None
+    if planned != "off":
+        with status("planning"):
+            light = None if planned == "on" else load_light(planned, 10)
+            decided = plan(scene, tolerance or 0.01, light=light, order=order, bounces=bounces)
+        for line in decided.lines():
+            print(line)
+        settings = replace(settings, order=decided.order.value, bounces=decided.bounces.value)
     with status("trying a few rays"):
+        settings, rate = choose_rays(scene, settings, rays=rays, tolerance=tolerance, seconds=seconds, threads=threads)
         estimate = estimate_bake(scene, settings, threads=threads)
     if dry_run:
-        rows = [
-            ["receivers", f"{estimate.receivers:,}"],
-            ["rays", f"{estimate.rays:,}"],
-            ["threads", str(estimate.threads)],
-            ["time", f"{estimate.seconds:.1f} s"],
-            ["memory", size_text(estimate.memory_bytes)],
-            ["asset", size_text(estimate.asset_bytes)],
-        ]
-        print_table(f"{source}: order {settings.order}, {settings.bounces} bounces", ["expected", ""], rows)
-        write_report(
-            json_file,
-            "bake",
-            {"dry_run": True, "settings": settings.as_dict(), "estimate": estimate.as_dict()},
-        )
+        _print_estimate(source, settings, estimate, rate, json_file)
         return
     check_memory(estimate, settings, available_memory())
     check_output(output)
     parts = output.with_name(output.name + ".parts")
     report: dict = {}
-    transfer = bake(scene, **settings.as_dict(), threads=threads, checkpoint=parts, track=track, report=report)
+    transfer = bake(
+        scene,
+        **settings.as_dict(),
+        sampling=rate,
+        plan=decided,
+        threads=threads,
+        # A bake that was asked to end in some seconds is not worth resuming, and its rays depend on the clock.
+        checkpoint=parts if seconds is None else None,
+        track=track,
+        report=report,
+    )
     size = assets.save(transfer, output)
     discard_chunks(parts)
     counts, errors = report["counts"], report["errors"]
-    if counts["resumed_chunks"]:
+    if counts.get("resumed_chunks"):
         print(
             f"resumed: {counts['resumed_chunks']} of {counts['chunks']} chunks were done, "
             f"{counts['recomputed_in_flight']} in flight were recomputed"
         )
-    noise = f", noise {100 * errors['noise_relative']:.2f} %" if errors else ""
-    print(f"{output}: {len(transfer.receivers):,} receivers, order {transfer.order}, {size_text(size)}{noise}")
+    print(
+        f"{output}: {len(transfer.receivers):,} receivers, order {transfer.order}, {settings.rays} rays, "
+        f"{size_text(size)}{_error_text(errors)}"
+    )
     report |= {
         "estimate": estimate.as_dict(),
         "defects": scene.defects.as_dict(),
         "outputs": {"asset": str(output), "bytes": size},
     }
+    write_report(json_file, "bake", report)
+
+
+def _error_text(errors: dict) -> str:
+    """What is known of the error of the signal."""
+    if "estimated_error" in errors:
+        return f", error about {100 * errors['estimated_error']:.2f} %"
+    return f", noise below {100 * errors['noise_relative']:.2f} %" if errors else ""
+
+
+def _print_estimate(
+    source: str, settings: BakeSettings, estimate: Estimate, rate: SamplingRate | None, json_file: Path | None
+) -> None:
+    """Expected cost, before any work."""
+    rows = [
+        ["receivers", f"{estimate.receivers:,}"],
+        ["rays per receiver", f"{settings.rays:,}"],
+        ["rays", f"{estimate.rays:,}"],
+        ["threads", str(estimate.threads)],
+        ["time", f"{estimate.seconds:.1f} s"],
+        ["memory", size_text(estimate.memory_bytes)],
+        ["asset", size_text(estimate.asset_bytes)],
+    ]
+    report = {"dry_run": True, "settings": settings.as_dict(), "estimate": estimate.as_dict()}
+    if rate is not None:
+        rows.append(["error", f"{100 * rate.expected_error:.2f} %"])
+        report["sampling"] = rate.as_dict()
+    print_table(f"{source}: order {settings.order}, {settings.bounces} bounces", ["expected", ""], rows)
     write_report(json_file, "bake", report)
 
 

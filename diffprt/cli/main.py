@@ -9,7 +9,7 @@ from collections.abc import Callable
 import typer
 
 import diffprt
-from diffprt.cli import bake, compress, demo, doctor, export, info, render, study
+from diffprt.cli import bake, compress, demo, doctor, export, info, plan, render, study
 from diffprt.errors import InputError
 
 app = typer.Typer(
@@ -35,7 +35,7 @@ def _interruptible(run: Callable[..., None]) -> Callable[..., None]:
     return guarded
 
 
-for command in (demo, doctor, bake, compress, render, export, info):
+for command in (demo, doctor, plan, bake, compress, render, export, info):
     app.command(name=command.__name__.rpartition(".")[2], help=command.__doc__)(_interruptible(command.run))
 app.add_typer(study.app, name="study")
 

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager
+from dataclasses import replace
 from pathlib import Path
+
+import torch
 
 from diffprt.errors import InputError
 from diffprt.kernels import TriangleMesh, default_threads
+from diffprt.plan import Plan
 from diffprt.scene import Scene
+from diffprt.transfer.direct import open_transfer
 from diffprt.transfer.receivers import Receivers
+from diffprt.transfer.sampling_rate import SamplingRate, choose_rays
 from diffprt.transfer.settings import BakeSettings
 from diffprt.transfer.signal import Transfer
 from diffprt.transfer.surfaces import Surfaces
@@ -23,6 +30,10 @@ def bake(
     rays: int | None = None,
     bounces: int | None = None,
     seed: int = 0,
+    tolerance: float | None = None,
+    seconds: float | None = None,
+    plan: Plan | None = None,
+    sampling: SamplingRate | None = None,
     threads: int | None = None,
     checkpoint: str | Path | None = None,
     track: Track = untracked,
@@ -38,6 +49,10 @@ def bake(
         rays: rays per receiver over its upper hemisphere, cosine-distributed.
         bounces: diffuse interreflections.
         seed: the same seed gives the same bytes for any number of threads.
+        tolerance: instead of rays: the relative root mean square error that sampling may leave, such as 0.01.
+        seconds: instead of rays: about how long this machine may work; the bytes then depend on its speed.
+        plan: which effects to simulate; `order` and `bounces` given beside it take precedence.
+        sampling: what `choose_rays` found beside these rays, for the certificate; `tolerance` and `seconds` find it.
         threads: CPU threads; all that the process may use without it.
         checkpoint: folder for finished chunks. A bake that was killed goes on from there to the same bytes. It
             stays when the bake ends: `discard_chunks` it once the asset is saved.
@@ -52,20 +67,25 @@ def bake(
         InputError: an option is out of range.
         Interrupted: Ctrl-C; with a checkpoint nothing finished is lost.
     """
-    settings = BakeSettings.of(quality, order=order, rays=rays, bounces=bounces, seed=seed)
-    report = {} if report is None else report
-    report |= {"settings": settings.as_dict(), "timings": {}, "counts": {}}
-    folder = Path(checkpoint) if checkpoint is not None else None
-    with timed(report["timings"], "total"):
-        if receivers is None:
-            transport = _trace(scene, settings, None, threads, folder, track, report)
-            with timed(report["timings"], "interreflection"):
-                transfer = transport.transfer()
-        else:
-            transfer = _bake_receivers(scene, settings, receivers, threads, folder, track, report)
-    report["errors"] = dict(transfer.certificate)
-    report["counts"] |= {"channels": transfer.channels, "bytes": transfer.nbytes}
-    return transfer
+    run = _Run(
+        scene,
+        quality=quality,
+        order=order,
+        rays=rays,
+        bounces=bounces,
+        seed=seed,
+        tolerance=tolerance,
+        seconds=seconds,
+        plan=plan,
+        sampling=sampling,
+        threads=threads,
+        checkpoint=checkpoint,
+        track=track,
+        report=report,
+    )
+    with run.timed("total"):
+        transfer = run.bake_own() if receivers is None else run.bake_free(receivers)
+    return run.certified(transfer)
 
 
 def trace(
@@ -85,70 +105,136 @@ def trace(
 
     `.transfer(bounces, albedo=...)` gives transfer for any albedo, with gradients to it.
     """
-    settings = BakeSettings.of(quality, order=order, rays=rays, bounces=bounces, seed=seed)
-    report = {} if report is None else report
-    report |= {"settings": settings.as_dict(), "timings": {}, "counts": {}}
-    folder = Path(checkpoint) if checkpoint is not None else None
-    return _trace(scene, settings, None, threads, folder, track, report)
-
-
-def _trace(
-    scene: Scene,
-    settings: BakeSettings,
-    receivers: Receivers | None,
-    threads: int | None,
-    folder: Path | None,
-    track: Track,
-    report: dict,
-) -> Transport:
-    """Traces the given receivers, or the scene's own."""
-    if threads is not None and threads < 1:
-        raise InputError(f"threads is {threads}: give 1 or more, or leave it out to use all {default_threads()}")
-    threads = threads or default_threads()
-    with timed(report["timings"], "acceleration structure"):
-        surfaces = Surfaces.of(scene)
-        mesh = TriangleMesh(surfaces.positions, surfaces.faces)
-    receivers = surfaces.receivers if receivers is None else receivers
-    transport = trace_transport(
-        surfaces,
-        mesh,
-        receivers,
-        settings,
-        scene_hash=scene.hash(),
+    run = _Run(
+        scene,
+        quality=quality,
+        order=order,
+        rays=rays,
+        bounces=bounces,
+        seed=seed,
+        tolerance=None,
+        seconds=None,
+        plan=None,
+        sampling=None,
         threads=threads,
-        folder=folder,
+        checkpoint=checkpoint,
         track=track,
         report=report,
     )
-    operator = transport.operator
-    report["counts"] |= {
-        "threads": threads,
-        "triangles": len(surfaces.faces),
-        "receivers": len(receivers),
-        "rays": len(receivers) * settings.rays,
-        "operator_entries": operator.entries if operator is not None else 0,
-    }
-    return transport
+    return run.trace()
 
 
-def _bake_receivers(
-    scene: Scene,
-    settings: BakeSettings,
-    receivers: Receivers,
-    threads: int | None,
-    folder: Path | None,
-    track: Track,
-    report: dict,
-) -> Transfer:
-    """Transfer of free receivers: their last bounce gathers what the scene's own vertices reflect."""
-    inner = None if folder is None else folder / "receivers"
-    if settings.bounces == 0:
-        return _trace(scene, settings, receivers, threads, folder, track, report).transfer()
-    own = _trace(scene, settings, None, threads, folder, track, report)
-    before = own.transfer(settings.bounces - 1)
-    transport = _trace(scene, settings, receivers, threads, inner, track, report)
-    albedo = own.receivers.albedo
-    if bool((albedo == albedo[:, :1]).all()):
-        albedo = albedo[:, :1]
-    gathered = transport.operator.gather(albedo[:, :, None] * before.diffuse)
-    return transport.as_transfer(transport.direct + gathered, settings.bounces)
+class _Run:
+    """The options of one bake, resolved: how many rays, which effects, where chunks and progress go."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        *,
+        quality: str,
+        order: int | None,
+        rays: int | None,
+        bounces: int | None,
+        seed: int,
+        tolerance: float | None,
+        seconds: float | None,
+        plan: Plan | None,
+        sampling: SamplingRate | None,
+        threads: int | None,
+        checkpoint: str | Path | None,
+        track: Track,
+        report: dict | None,
+    ) -> None:
+        if threads is not None and threads < 1:
+            raise InputError(f"threads is {threads}: give 1 or more, or leave it out to use all {default_threads()}")
+        if plan is not None:
+            order = plan.order.value if order is None else order
+            bounces = plan.bounces.value if bounces is None else bounces
+        settings = BakeSettings.of(quality, order=order, rays=rays, bounces=bounces, seed=seed)
+        self.scene, self.plan = scene, plan
+        self.threads = threads or default_threads()
+        self.folder = Path(checkpoint) if checkpoint is not None else None
+        self.track = track
+        self.report = {} if report is None else report
+        self.report |= {"timings": {}, "counts": {}}
+        self.sampling = sampling
+        if self.shadows and sampling is None:
+            with self.timed("choosing rays"):
+                settings, self.sampling = choose_rays(
+                    scene, settings, rays=rays, tolerance=tolerance, seconds=seconds, threads=threads
+                )
+        self.settings = settings if self.shadows else replace(settings, bounces=0)
+        self.report["settings"] = self.settings.as_dict()
+        self.channels = None if plan is None else plan.channels.value
+
+    @property
+    def shadows(self) -> bool:
+        """Whether rays are traced at all."""
+        return self.plan is None or bool(self.plan.shadows.value)
+
+    def timed(self, stage: str) -> AbstractContextManager[None]:
+        """Adds the block's seconds to the report."""
+        return timed(self.report["timings"], stage)
+
+    def trace(self, receivers: Receivers | None = None, folder: Path | None = None) -> Transport:
+        """Traces the given receivers, or the scene's own."""
+        surfaces = Surfaces.of(self.scene)
+        receivers = surfaces.receivers if receivers is None else receivers
+        if self.shadows:
+            with self.timed("acceleration structure"):
+                mesh = TriangleMesh(surfaces.positions, surfaces.faces, threads=self.threads)
+            transport = trace_transport(
+                surfaces,
+                mesh,
+                receivers,
+                self.settings,
+                scene_hash=self.scene.hash(),
+                threads=self.threads,
+                folder=folder or self.folder,
+                track=self.track,
+                report=self.report,
+            )
+        else:
+            direct = open_transfer(receivers.normals, self.settings.order).float()[:, None]
+            nothing = torch.zeros_like(direct)
+            transport = Transport(receivers, direct, nothing, None, self.settings, self.scene.hash())
+        self.report["counts"] |= {
+            "threads": self.threads,
+            "triangles": len(surfaces.faces),
+            "receivers": len(receivers),
+            "rays": len(receivers) * self.settings.rays if self.shadows else 0,
+            "operator_entries": transport.operator.entries if transport.operator is not None else 0,
+        }
+        return transport
+
+    def bake_own(self) -> Transfer:
+        """Transfer of the scene's own vertices."""
+        transport = self.trace()
+        with self.timed("interreflection"):
+            return transport.transfer(channels=self.channels)
+
+    def bake_free(self, receivers: Receivers) -> Transfer:
+        """Transfer of free receivers: their last bounce gathers what the scene's own vertices reflect."""
+        if self.settings.bounces == 0:
+            return self.trace(receivers).transfer()
+        before = self.trace().transfer(self.settings.bounces - 1, channels=self.channels)
+        transport = self.trace(receivers, None if self.folder is None else self.folder / "receivers")
+        with self.timed("interreflection"):
+            albedo = before.receivers.albedo
+            if self.channels == 1 or bool((albedo == albedo[:, :1]).all()):
+                albedo = albedo.mean(1, keepdim=True)
+            gathered = transport.operator.gather(albedo[:, :, None] * before.diffuse)
+            return transport.as_transfer(transport.direct + gathered, self.settings.bounces)
+
+    def certified(self, transfer: Transfer) -> Transfer:
+        """With the plan, and with the error that the sampling stands for."""
+        certificate = dict(transfer.certificate)
+        if self.sampling is not None:
+            certificate["expected_error"] = self.sampling.expected_error
+            if "noise_relative" in certificate:
+                certificate["estimated_error"] = certificate["noise_relative"] * self.sampling.correction
+            self.report["sampling"] = self.sampling.as_dict()
+        self.report["errors"] = certificate
+        self.report["counts"] |= {"channels": transfer.channels, "bytes": transfer.nbytes}
+        plan = {} if self.plan is None else self.plan.as_dict()
+        return replace(transfer, certificate=certificate, plan=plan)

@@ -54,19 +54,20 @@ class DirectTracer:
         """Receivers of a chunk."""
         return range(chunk * self.size, min((chunk + 1) * self.size, self.count))
 
-    def trace(self, chunk: int) -> tuple[np.ndarray, OperatorRows | None]:
-        """Sums of the SH basis over blocked directions, [2, rows, K] (even and odd rays), and rows of G."""
+    def trace(self, chunk: int) -> tuple[np.ndarray, np.ndarray, OperatorRows | None]:
+        """Sums float32 [2, rows, K] and blocked rays int32 [rows] for `direct_transfer`, and rows of G."""
         return self.trace_rows(self.rows(chunk))
 
-    def trace_rows(self, rows: range) -> tuple[np.ndarray, OperatorRows | None]:
+    def trace_rows(self, rows: range) -> tuple[np.ndarray, np.ndarray, OperatorRows | None]:
         """As `trace`, for any run of receivers."""
         want_hits = self.source_of_corner is not None
-        sums, face, weights, _ = self._tracer.trace(rows, hits=want_hits)
-        if not want_hits:
-            return sums.numpy(), None
-        return sums.numpy(), rows_from_hits(
-            face.numpy(), weights.numpy(), self.source_of_corner, self.sources, self.rays
-        )
+        sums, face, weights, blocked = self._tracer.trace(rows, hits=want_hits)
+        operator_rows = None
+        if want_hits:
+            operator_rows = rows_from_hits(
+                face.numpy(), weights.numpy(), self.source_of_corner, self.sources, self.rays
+            )
+        return sums.numpy(), blocked.numpy(), operator_rows
 
 
 def open_transfer(normals: torch.Tensor, order: int) -> torch.Tensor:
@@ -75,23 +76,28 @@ def open_transfer(normals: torch.Tensor, order: int) -> torch.Tensor:
     return sh.rotate_zonal(zonal, normals.double())
 
 
-def direct_transfer(normals: torch.Tensor, blocked_sums: torch.Tensor, rays: int) -> tuple[torch.Tensor, torch.Tensor]:
-    """Direct transfer from the sums over blocked directions, and the standard error of that estimate.
+def direct_transfer(
+    normals: torch.Tensor, sums: torch.Tensor, blocked: torch.Tensor, rays: int
+) -> tuple[torch.Tensor, torch.Tensor]:
+    """Direct transfer from sums over directions, and the standard error of that estimate.
 
-    Rays are cosine-distributed, so a blocked direction takes pi / D of the basis away. The even and the odd
+    Rays are cosine-distributed, so a blocked direction takes pi / D of the basis away from what an open receiver
+    has; where more than half are blocked, an open direction adds as much to nothing. The even and the odd
     rays are two estimates; half their difference is the standard error of their mean if they were
     independent (stratified rays do better, so it errs on the safe side).
 
     Args:
         normals: [V, 3].
-        blocked_sums: float32 [2, V, K].
+        sums: float32 [2, V, K], over blocked directions, or minus those over open ones.
+        blocked: int [V], number of blocked rays.
 
     Returns:
         float32 [V, 1, K] each.
     """
-    order = sh.order_of_count(blocked_sums.shape[2])
-    even, odd = blocked_sums.double()
+    order = sh.order_of_count(sums.shape[2])
+    even, odd = sums.double()
     counts = (rays + 1) // 2, rays // 2
-    mean = open_transfer(normals, order) - math.pi / rays * (even + odd)
+    start = open_transfer(normals, order) * (2 * blocked <= rays)[:, None]
+    mean = start - math.pi / rays * (even + odd)
     error = math.pi / 2 * (even / counts[0] - odd / counts[1]).abs() if counts[1] else torch.full_like(even, torch.nan)
     return mean.float()[:, None], error.float()[:, None]

@@ -17,8 +17,8 @@ from diffprt.transfer.sampling import Pattern
 from diffprt.transfer.settings import BakeSettings
 from diffprt.transfer.surfaces import Surfaces
 
-_PILOT_RECEIVERS = 256
-_PILOT_RAYS = 64
+_PILOT_RAYS = 1 << 18
+_LARGEST_PILOT_PATTERN = 4096
 _CHUNK_OVERHEAD = 0.004
 
 
@@ -49,27 +49,31 @@ class Estimate:
 
 
 def estimate_bake(scene: Scene, settings: BakeSettings, *, threads: int | None = None) -> Estimate:
-    """Traces 256 receivers with 64 rays each and scales up; takes well under a second after compilation."""
+    """Traces some receivers, a quarter of a million rays, and scales up; well under a second after compilation."""
     threads = threads or default_threads()
     surfaces = Surfaces.of(scene)
     receivers = surfaces.receivers
     begun = time.perf_counter()
     mesh = TriangleMesh(surfaces.positions, surfaces.faces)
     structure_seconds = time.perf_counter() - begun
-    pilot = _spread(receivers)
+    pilot_rays = min(settings.rays, _LARGEST_PILOT_PATTERN)
+    pilot = _spread(receivers, max(_PILOT_RAYS // pilot_rays, 16))
     bounce = settings.bounces > 0
-    pattern = Pattern.create(_PILOT_RAYS, pilot.scramble(settings.seed, surfaces.positions.amin(0), surfaces.diagonal))
+    pattern = Pattern.create(pilot_rays, pilot.scramble(settings.seed, surfaces.positions.amin(0), surfaces.diagonal))
     corners = surfaces.source_of_corner.numpy() if bounce else None
     tracer = DirectTracer(mesh, pilot, pattern, settings.order, corners, len(receivers))
     tracer.trace_rows(range(min(16, len(pilot))))
-    begun = time.perf_counter()
-    _, rows = tracer.trace_rows(range(len(pilot)))
-    per_ray = (time.perf_counter() - begun) / (len(pilot) * _PILOT_RAYS)
+    seconds = []
+    for _ in range(2):
+        begun = time.perf_counter()
+        *_, rows = tracer.trace_rows(range(len(pilot)))
+        seconds.append(time.perf_counter() - begun)
+    per_ray = min(seconds) / (len(pilot) * pilot_rays)
 
     total_rays = len(receivers) * settings.rays
     coefficients = settings.order**2
     channels = 3 if bounce and surfaces.colored else 1
-    hit_share = len(rows.columns) / 3 / (len(pilot) * _PILOT_RAYS) if rows is not None else 0.0
+    hit_share = len(rows.columns) / 3 / (len(pilot) * pilot_rays) if rows is not None else 0.0
     entries = min(int(total_rays * hit_share * 3), len(receivers) ** 2)
     signal = len(receivers) * channels * coefficients * 4
     chunk_rays = max(settings.rays, 1 << 18)
@@ -109,9 +113,9 @@ def available_memory() -> int:
     return 1 << 62
 
 
-def _spread(receivers: Receivers) -> Receivers:
-    """At most 256 receivers, evenly taken."""
-    pick = torch.linspace(0, len(receivers) - 1, min(_PILOT_RECEIVERS, len(receivers))).round().long().unique()
+def _spread(receivers: Receivers, count: int) -> Receivers:
+    """At most `count` receivers, evenly taken."""
+    pick = torch.linspace(0, len(receivers) - 1, min(count, len(receivers))).round().long().unique()
     return Receivers(
         receivers.positions[pick],
         receivers.normals[pick],

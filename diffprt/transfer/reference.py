@@ -63,7 +63,10 @@ def direct_transfer_and_gather(
         origin = origins[v].expand(rays, 3)
         _, face, weights = closest_hits(positions, faces, origin, directions[v])
         blocked = face >= 0
-        transfer[v] -= math.pi / rays * sh.basis(directions[v][blocked], order).sum(0)
+        if 2 * int(blocked.sum()) > rays:
+            transfer[v] = math.pi / rays * sh.basis(directions[v][~blocked], order).sum(0)
+        else:
+            transfer[v] -= math.pi / rays * sh.basis(directions[v][blocked], order).sum(0)
         front = blocked & ((face_normals[face.clamp_min(0)] * directions[v]).sum(-1) < 0)
         gather[v].index_add_(0, faces[face[front]].flatten(), weights[front].flatten() / rays)
     return transfer, gather

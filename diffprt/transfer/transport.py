@@ -54,13 +54,16 @@ class Transport:
     settings: BakeSettings
     scene_hash: str
 
-    def transfer(self, bounces: int | None = None, *, albedo: torch.Tensor | None = None) -> Transfer:
+    def transfer(
+        self, bounces: int | None = None, *, albedo: torch.Tensor | None = None, channels: int | None = None
+    ) -> Transfer:
         """Transfer after `bounces` interreflections among these receivers.
 
         Args:
             bounces: without it, as many as were asked when tracing.
             albedo: [V, 3], [V, 1] or [3], in [0, 1]; without it the receivers' own. Gradients reach it, and the
                 receivers of the result have it, so that `shade` uses it too.
+            channels: 1 lets surfaces light each other by their mean albedo; without it, 3 where colors differ.
 
         Raises:
             InputError: bounces without a traced operator, or an albedo of another shape or range.
@@ -72,7 +75,9 @@ class Transport:
             )
         receivers = self.receivers if albedo is None else self.receivers.with_albedo(albedo)
         reflectance = receivers.albedo
-        if not reflectance.requires_grad and bool((reflectance == reflectance[:, :1]).all()):
+        if channels == 1:
+            reflectance = reflectance.mean(1, keepdim=True)
+        elif not reflectance.requires_grad and bool((reflectance == reflectance[:, :1]).all()):
             reflectance = reflectance[:, :1]
         signal = self.direct
         if bounces > 0:
@@ -133,8 +138,8 @@ def trace_transport(
 
     def work(chunk: int) -> None:
         store.begin(chunk)
-        sums, rows = tracer.trace(chunk)
-        arrays = {"sums": sums}
+        sums, blocked, rows = tracer.trace(chunk)
+        arrays = {"sums": sums, "blocked": blocked}
         if rows is not None:
             arrays |= {"counts": rows.counts, "columns": rows.columns, "values": rows.values}
         store.write(chunk, arrays)
@@ -155,7 +160,8 @@ def trace_transport(
     with timed(timings, "gathering chunks"):
         parts = [store.read(chunk) for chunk in range(tracer.chunks)]
         sums = torch.from_numpy(np.concatenate([p["sums"] for p in parts], axis=1))
-        direct, error = direct_transfer(receivers.normals, sums, settings.rays)
+        blocked = torch.from_numpy(np.concatenate([p["blocked"] for p in parts]))
+        direct, error = direct_transfer(receivers.normals, sums, blocked, settings.rays)
         operator = None
         if corners is not None:
             rows = [OperatorRows(p["counts"], p["columns"], p["values"]) for p in parts]

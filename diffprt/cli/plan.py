@@ -1,0 +1,60 @@
+"""Decide what a bake of a scene would simulate, and say why."""
+
+from __future__ import annotations
+
+import textwrap
+import time
+from pathlib import Path
+
+import torch
+import typer
+
+from diffprt.cli.inputs import load_light, parse_color
+from diffprt.cli.report import JsonFile, write_report
+from diffprt.plan import plan
+from diffprt.plan.decision import EFFECTS, value_text
+from diffprt.progress import status
+from diffprt.scene import Scene
+
+
+def run(
+    source: str = typer.Argument(
+        ..., metavar="SCENE", help="A .glb, .gltf, .obj, .ply, .stl or .usd file, or builtin:NAME."
+    ),
+    tolerance: float = typer.Option(0.01, help="Relative error that all that is left out may have, in (0, 1]."),
+    light: str = typer.Option(None, help="The light to plan for: sky, studio, ..., or an equirectangular map."),
+    shadows: bool = typer.Option(None, help="Ask for shadows, or for none."),
+    bounces: int = typer.Option(None, help="Ask for this many diffuse interreflections."),
+    channels: int = typer.Option(None, help="Ask for 1 or 3 channels."),
+    order: int = typer.Option(None, help="Ask for this many SH bands, 1 to 10."),
+    albedo: str = typer.Option(None, help="Replaces every albedo: 0.8 or r,g,b."),
+    up: str = typer.Option(None, help="The axis of the file that points up: x, y, z or -x, -y, -z; y by default."),
+    ground: bool = typer.Option(False, help="Add a ground that catches shadows."),
+    json_file: Path = JsonFile,
+) -> None:
+    scene = Scene.load(source, up=up)
+    if albedo is not None:
+        scene = scene.with_albedo(torch.tensor(parse_color(albedo, "albedo")))
+    scene = scene.with_ground() if ground else scene
+    for line in scene.defects.lines():
+        print(f"note: {line}")
+    lit = None if light is None else load_light(light, 10)
+    begun = time.perf_counter()
+    with status("sending pilot rays"):
+        decided = plan(scene, tolerance, light=lit, shadows=shadows, bounces=bounces, channels=channels, order=order)
+    seconds = time.perf_counter() - begun
+    print(f"{source}: tolerance {100 * tolerance:g} %" + (f", light {light}" if light else "") + "\n")
+    print(_row("effect", "decision", "reason"))
+    for name in EFFECTS:
+        decision = getattr(decided, name)
+        print(_row(name, value_text(decision.value), decision.reason))
+    write_report(
+        json_file,
+        "plan",
+        {"plan": decided.as_dict(), "timings": {"plan": seconds}, "counts": {"triangles": scene.triangle_count}},
+    )
+
+
+def _row(effect: str, decision: str, reason: str) -> str:
+    """One row of the table, its reason wrapped under itself."""
+    return textwrap.fill(f"{effect:<10}{decision:<10}{reason}", 100, subsequent_indent=" " * 20)
