@@ -13,8 +13,11 @@ import typer.testing
 
 from diffprt.asset import load
 from diffprt.cli import app
+from diffprt.compress import compress
 from diffprt.images import read_image
-from diffprt.scene import POLICY
+from diffprt.plan import Plan, plan
+from diffprt.scene import POLICY, builtin_scene
+from diffprt.transfer import bake
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -126,3 +129,21 @@ def test_policy_table_is_the_policy():
     (page,) = (page for page in pages() if page.name == "defects.md")
     rows = dict(re.findall(r"^\| `(\w+)` \| (.*) \|$", page.read_text("utf-8"), re.MULTILINE))
     assert rows == POLICY
+
+
+def test_asset_tables_list_certificate_and_plan():
+    """Every entry that a bake and a compression write is explained, and no other."""
+    (page,) = (page for page in pages() if page.name == "assets.md")
+    _, _, text = page.read_text("utf-8").partition("## Certificate")
+    certificate, _, planned = text.partition("## Plan")
+
+    def entries(part: str) -> set[str]:
+        rows = re.findall(r"^\| (`[^|]*`) \|", part, re.MULTILINE)
+        return {name for row in rows for name in re.findall(r"`(\w+)`", row)}
+
+    scene = builtin_scene("sphere", subdivisions=1).with_ground(resolution=4)
+    decided = plan(scene, 0.5, order=2, bounces=1)
+    asset = compress(bake(scene, plan=decided, tolerance=0.2), clusters=2, components=1)
+    assert Plan.from_dict(asset.plan) == decided
+    assert entries(certificate) == set(asset.certificate)
+    assert entries(planned) == set(asset.plan)

@@ -5,16 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-import torch
 import typer
 
 from diffprt import asset as assets
-from diffprt.cli.inputs import load_light, parse_color
+from diffprt.cli.inputs import load_light, load_scene
 from diffprt.cli.report import JsonFile, check_output, print_table, size_text, write_report
 from diffprt.errors import InputError
 from diffprt.plan import plan
 from diffprt.progress import status, track
-from diffprt.scene import Scene
 from diffprt.transfer import (
     BakeSettings,
     Estimate,
@@ -58,7 +56,9 @@ def run(
         raise InputError(f"threads is {threads}: give 1 or more")
     if output.suffix != ".prt":
         raise InputError(f"output {output} has ending '{output.suffix}': give a .prt file")
-    scene = _scene(source, albedo, ground, occluder, up=up, non_finite=non_finite, winding=winding)
+    scene = load_scene(
+        source, albedo=albedo, ground=ground, occluders=occluder, up=up, non_finite=non_finite, winding=winding
+    )
     for line in scene.defects.lines():
         print(f"note: {line}")
     decided = None
@@ -69,8 +69,13 @@ def run(
         for line in decided.lines():
             print(line)
         settings = replace(settings, order=decided.order.value, bounces=decided.bounces.value)
+    rate = None
     with status("trying a few rays"):
-        settings, rate = choose_rays(scene, settings, rays=rays, tolerance=tolerance, seconds=seconds, threads=threads)
+        # Where a plan proves that nothing is shadowed, no ray will be traced and none need be chosen.
+        if decided is None or decided.shadows.value:
+            settings, rate = choose_rays(
+                scene, settings, rays=rays, tolerance=tolerance, seconds=seconds, threads=threads
+            )
         estimate = estimate_bake(scene, settings, threads=threads)
     if dry_run:
         _print_estimate(source, settings, estimate, rate, json_file)
@@ -136,13 +141,3 @@ def _print_estimate(
         report["sampling"] = rate.as_dict()
     print_table(f"{source}: order {settings.order}, {settings.bounces} bounces", ["expected", ""], rows)
     write_report(json_file, "bake", report)
-
-
-def _scene(source: str, albedo: str | None, ground: bool, occluders: list[str], **loading: str | None) -> Scene:
-    """Loads the scene and what the options add to it."""
-    scene = Scene.load(source, **loading)
-    if albedo is not None:
-        scene = scene.with_albedo(torch.tensor(parse_color(albedo, "albedo")))
-    for path in occluders:
-        scene = scene.with_occluder(Scene.load(path, **loading))
-    return scene.with_ground() if ground else scene

@@ -9,7 +9,7 @@ import torch
 
 from diffprt import asset as assets
 from diffprt.errors import InputError
-from diffprt.scene import BUILTIN_ENVIRONMENTS, Environment, Light, builtin_environment
+from diffprt.scene import BUILTIN_ENVIRONMENTS, Environment, Light, Scene, builtin_environment
 
 
 def parse_color(text: str, name: str) -> tuple[float, float, float]:
@@ -43,6 +43,23 @@ def parse_size(text: str) -> tuple[int, int]:
     if len(sides) not in (1, 2):
         raise InputError(f"size is '{text}': give pixels such as 512 or 640x480")
     return sides[0], sides[-1]
+
+
+def load_scene(source: str, *, albedo: str | None, ground: bool, occluders: list[str], **loading: str | None) -> Scene:
+    """The scene of a file or "builtin:NAME", with what options add to it.
+
+    Args:
+        albedo: replaces every albedo of `source`, one number or three; None keeps them.
+        ground: adds a ground that catches shadows.
+        occluders: files or "builtin:NAME" that only block light.
+        loading: `up`, `non_finite` and `winding` of `Scene.load`, for `source` and occluders.
+    """
+    scene = Scene.load(source, **loading)
+    if albedo is not None:
+        scene = scene.with_albedo(torch.tensor(parse_color(albedo, "albedo")))
+    for path in occluders:
+        scene = scene.with_occluder(Scene.load(path, **loading))
+    return scene.with_ground() if ground else scene
 
 
 def load_light(source: str, order: int, *, window: str = "none", azimuth: float = 0.0) -> Light:

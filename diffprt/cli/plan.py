@@ -6,15 +6,13 @@ import textwrap
 import time
 from pathlib import Path
 
-import torch
 import typer
 
-from diffprt.cli.inputs import load_light, parse_color
+from diffprt.cli.inputs import load_light, load_scene
 from diffprt.cli.report import JsonFile, write_report
 from diffprt.plan import plan
 from diffprt.plan.decision import EFFECTS, value_text
 from diffprt.progress import status
-from diffprt.scene import Scene
 
 
 def run(
@@ -30,12 +28,14 @@ def run(
     albedo: str = typer.Option(None, help="Replaces every albedo: 0.8 or r,g,b."),
     up: str = typer.Option(None, help="The axis of the file that points up: x, y, z or -x, -y, -z; y by default."),
     ground: bool = typer.Option(False, help="Add a ground that catches shadows."),
+    occluder: list[str] = typer.Option([], help="A mesh that only blocks light; may be repeated."),
+    non_finite: str = typer.Option("refuse", help="refuse, or drop: what to do with NaN vertices."),
+    winding: str = typer.Option("repair", help="repair, or keep: for rooms that are seen from within."),
     json_file: Path = JsonFile,
 ) -> None:
-    scene = Scene.load(source, up=up)
-    if albedo is not None:
-        scene = scene.with_albedo(torch.tensor(parse_color(albedo, "albedo")))
-    scene = scene.with_ground() if ground else scene
+    scene = load_scene(
+        source, albedo=albedo, ground=ground, occluders=occluder, up=up, non_finite=non_finite, winding=winding
+    )
     for line in scene.defects.lines():
         print(f"note: {line}")
     lit = None if light is None else load_light(light, 10)

@@ -157,7 +157,7 @@ class _Run:
         self.track = track
         self.report = {} if report is None else report
         self.report |= {"timings": {}, "counts": {}}
-        self.sampling = sampling
+        self.sampling = sampling if self.shadows else None
         if self.shadows and sampling is None:
             with self.timed("choosing rays"):
                 settings, self.sampling = choose_rays(
