@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import torch
@@ -18,7 +18,7 @@ from diffprt.render import Camera, View, auto_exposure, render
 from diffprt.render.sheet import contact_sheet
 from diffprt.scene import Light, Scene, builtin_environment, builtin_scene
 from diffprt.shade import tone_map
-from diffprt.transfer import Transfer, trace
+from diffprt.transfer import trace
 from diffprt.transfer.direct import open_transfer
 from diffprt.transfer.transport import Track, untracked
 
@@ -99,7 +99,7 @@ def run_demo(
         f"interreflected ({bounces} bounces)": reflected,
         f"compressed ({clusters} x {components})": compressed,
     }
-    camera = replace(demo_camera(reflected), width=size, height=size)
+    camera = demo_camera(scene, size)
     with stage("pictures"):
         pictures, balanced = _pictures(columns, lights, camera)
         contact_sheet(result.sheet, pictures, list(columns), list(lights))
@@ -125,11 +125,10 @@ def run_demo(
     return result
 
 
-def demo_camera(transfer: Transfer) -> Camera:
+def demo_camera(scene: Scene, size: int) -> Camera:
     """A camera on the bunny, not on the whole of its ground."""
-    receivers = transfer.receivers
-    bunny = receivers.positions[(receivers.albedo - torch.tensor(BUNNY_ALBEDO)).abs().amax(1) < 1e-5]
-    return Camera.framing(bunny, azimuth=20, elevation=18, margin=1.35)
+    bunny = scene.meshes[0].positions
+    return Camera.framing(bunny, azimuth=20, elevation=18, margin=1.35, width=size, height=size)
 
 
 def _pictures(

@@ -151,7 +151,7 @@ def trace_reference(
     hits: bool,
     device: str = "cpu",
 ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-    """Sums, hit faces and hit weights of all receivers, as `packets.HemisphereTracer.trace` without empty lanes."""
+    """Sums, hit faces and hit weights of all receivers, as `hemispheres.HemisphereTracer.trace` without empty lanes."""
     start()
 
     def array(tensor: torch.Tensor, dtype: type) -> wp.array:

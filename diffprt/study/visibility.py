@@ -18,7 +18,7 @@ import torch
 from diffprt import sh
 from diffprt.errors import InputError
 from diffprt.kernels import TriangleMesh, default_threads, run_chunks
-from diffprt.kernels.packets import HemisphereTracer, count_blocked
+from diffprt.kernels.hemispheres import HemisphereTracer, count_blocked
 from diffprt.scene import Scene, load_scene
 from diffprt.study.hemispheres import Hemispheres
 from diffprt.study.peers import Embree, Mitsuba

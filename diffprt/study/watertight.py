@@ -7,7 +7,7 @@ import math
 import torch
 
 from diffprt.kernels import TriangleMesh, run_chunks
-from diffprt.kernels.packets import count_blocked
+from diffprt.kernels.hemispheres import count_blocked
 from diffprt.study.brute_force import brute_force_hits, edge_clearance
 from diffprt.transfer.sampling import Pattern
 

@@ -12,6 +12,8 @@ import safetensors.numpy
 
 from diffprt.errors import InputError
 
+_VERSION = 1
+
 
 class ChunkStore:
     """Finished chunks of one job, in a folder (or in memory, without one).
@@ -28,7 +30,7 @@ class ChunkStore:
 
     def _open(self, key: dict) -> None:
         job = self.folder / "job.json"
-        text = json.dumps({**key, "chunks": self.chunks}, sort_keys=True)
+        text = json.dumps({**key, "chunks": self.chunks, "version": _VERSION}, sort_keys=True)
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
             if job.exists() and job.read_text() != text:

@@ -9,7 +9,7 @@ import torch
 
 from diffprt import sh
 from diffprt.kernels import TriangleMesh
-from diffprt.kernels.packets import HemisphereTracer
+from diffprt.kernels.hemispheres import HemisphereTracer
 from diffprt.transfer.operator import OperatorRows, rows_from_hits
 from diffprt.transfer.receivers import Receivers
 from diffprt.transfer.sampling import Pattern

@@ -5,7 +5,7 @@ import torch
 
 from diffprt import sh
 from diffprt.kernels import TriangleMesh
-from diffprt.kernels.packets import HemisphereTracer, count_blocked
+from diffprt.kernels.hemispheres import HemisphereTracer, count_blocked
 from diffprt.kernels.reference import trace_reference
 from diffprt.scene import builtin_scene
 from diffprt.transfer.sampling import Pattern
