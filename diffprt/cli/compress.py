@@ -7,7 +7,6 @@ from pathlib import Path
 import typer
 
 from diffprt import asset as assets
-from diffprt.cli.inputs import load_asset
 from diffprt.cli.report import JsonFile, check_output, size_text, write_report
 from diffprt.compress import compress
 from diffprt.errors import InputError
@@ -27,7 +26,7 @@ def run(
 ) -> None:
     if output.suffix != ".prt":
         raise InputError(f"output {output} has ending '{output.suffix}': give a .prt file")
-    transfer = load_asset(source)
+    transfer = assets.load(source)
     if not isinstance(transfer, Transfer):
         raise InputError(f"asset {source} is already compressed: give the one that 'diffprt bake' made")
     report: dict = {"settings": {"clusters": clusters, "components": components, "method": method, "seed": seed}}

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import typer
 
-from diffprt.cli.inputs import load_asset, load_light
+from diffprt import asset as assets
+from diffprt.cli.inputs import load_light
 from diffprt.cli.report import JsonFile, check_output, size_text, write_report
 from diffprt.export import export
 from diffprt.render import Camera, View, auto_exposure, render
@@ -24,7 +25,7 @@ def run(
     json_file: Path = JsonFile,
 ) -> None:
     begun = time.perf_counter()
-    asset = load_asset(source)
+    asset = assets.load(source)
     lights: dict[str, Light] = {}
     for name in light:
         stem = Path(name).stem.removeprefix("builtin:")

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import torch
 
-from diffprt import asset as assets
 from diffprt.errors import InputError
 from diffprt.scene import BUILTIN_ENVIRONMENTS, Environment, Light, Scene, builtin_environment
 
@@ -79,8 +78,3 @@ def turn_about_y(degrees: float) -> torch.Tensor:
     """Rotation matrix about +y, counter-clockwise seen from above."""
     c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
     return torch.tensor([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
-
-
-def load_asset(path: Path) -> assets.Asset:
-    """Reads an asset file."""
-    return assets.load(path)

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import typer
 
-from diffprt.cli.inputs import load_asset, load_light, parse_color, parse_number, parse_size
+from diffprt import asset as assets
+from diffprt.cli.inputs import load_light, parse_color, parse_number, parse_size
 from diffprt.cli.report import JsonFile, check_output, write_report
 from diffprt.errors import InputError
 from diffprt.images import write_image
@@ -37,7 +38,7 @@ def run(
     width, height = parse_size(size)
     factor = None if exposure == "auto" else parse_number(exposure, "exposure")
     begun = time.perf_counter()
-    asset = load_asset(source)
+    asset = assets.load(source)
     radiance = load_light(light, asset.order, window=window, azimuth=light_azimuth)
     check_output(output)
     camera = Camera.framing(

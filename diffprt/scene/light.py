@@ -40,9 +40,3 @@ class Light:
     def radiance(self, directions: torch.Tensor) -> torch.Tensor:
         """Band-limited radiance [..., 3] towards unit `directions` [..., 3]."""
         return sh.evaluate(self.coefficients, directions)
-
-    def truncate(self, order: int) -> Light:
-        """The first `order` bands."""
-        if not 1 <= order <= self.order:
-            raise InputError(f"light has order {self.order}, order {order} was asked: project it again at that order")
-        return Light(self.coefficients[: order * order], self.report)

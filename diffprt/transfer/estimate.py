@@ -19,7 +19,11 @@ from diffprt.transfer.surfaces import Surfaces
 
 _PILOT_RAYS = 1 << 18
 _LARGEST_PILOT_PATTERN = 4096
-_CHUNK_OVERHEAD = 0.004
+# Rough costs of a machine of today: seconds to store a chunk, products per second and thread of a sparse product.
+_CHUNK_SECONDS = 0.004
+_PRODUCTS_PER_SECOND = 2e9
+# Bytes a ray in flight takes: its hit, and the sort that gathers hits by the vertex that reflects.
+_RAY_BYTES = 200
 
 
 @dataclass(frozen=True)
@@ -63,12 +67,12 @@ def estimate_bake(scene: Scene, settings: BakeSettings, *, threads: int | None =
     corners = surfaces.source_of_corner.numpy() if bounce else None
     tracer = DirectTracer(mesh, pilot, pattern, settings.order, corners, len(receivers))
     tracer.trace_rows(range(min(16, len(pilot))))
-    seconds = []
+    trials = []
     for _ in range(2):
         begun = time.perf_counter()
         *_, rows = tracer.trace_rows(range(len(pilot)))
-        seconds.append(time.perf_counter() - begun)
-    per_ray = min(seconds) / (len(pilot) * pilot_rays)
+        trials.append(time.perf_counter() - begun)
+    per_ray = min(trials) / (len(pilot) * pilot_rays)
 
     total_rays = len(receivers) * settings.rays
     coefficients = settings.order**2
@@ -78,13 +82,17 @@ def estimate_bake(scene: Scene, settings: BakeSettings, *, threads: int | None =
     signal = len(receivers) * channels * coefficients * 4
     chunk_rays = max(settings.rays, 1 << 18)
     chunks = math.ceil(total_rays / chunk_rays)
-    seconds = structure_seconds + total_rays * per_ray / threads + chunks * _CHUNK_OVERHEAD
-    seconds += settings.bounces * entries * channels * coefficients / 2e9 / threads
+    in_flight = threads * chunk_rays * _RAY_BYTES * (1 + bounce)
+    seconds = structure_seconds + total_rays * per_ray / threads + chunks * _CHUNK_SECONDS
+    seconds += settings.bounces * entries * channels * coefficients / _PRODUCTS_PER_SECOND / threads
     return Estimate(
         receivers=len(receivers),
         rays=total_rays,
         seconds=seconds,
-        memory_bytes=entries * 16 + signal * 5 + len(surfaces.faces) * 150 + threads * chunk_rays * 200 * (1 + bounce),
+        memory_bytes=entries * 16
+        + signal * 5
+        + len(surfaces.faces) * 150
+        + threads * chunk_rays * _RAY_BYTES * (1 + bounce),
         asset_bytes=signal + len(receivers) * 36 + len(surfaces.faces) * 12,
         operator_entries=entries,
         threads=threads,

@@ -62,6 +62,17 @@ def test_the_main_job_with_reports(folder, tmp_path, capsys):
     assert "2 bounces" not in capsys.readouterr().err
 
 
+def test_demo_makes_its_pictures_and_its_page(tmp_path, capsys):
+    assert run("demo", "-o", tmp_path / "demo", "--order", 3, "--rays", 32, "--bounces", 1) == 0
+    text = capsys.readouterr().out
+    sheet, page = tmp_path / "demo" / "contact_sheet.png", tmp_path / "demo" / "page" / "index.html"
+    assert str(sheet) in text and str(page) in text and "visibility and first hits" in text
+    picture = read_image(sheet)[..., :3]
+    assert picture.shape[1] > 1.5 * picture.shape[0] and 0.2 < float(picture.mean()) < 0.8
+    assert page.stat().st_size > 1_000_000
+    assert load(tmp_path / "demo" / "bunny_compressed.prt").channels == 3
+
+
 def test_dry_run_prints_and_does_nothing(folder, tmp_path, capsys):
     assert run("bake", folder / "ball.ply", "--dry-run", "-o", tmp_path / "a.prt", "--json", tmp_path / "r.json") == 0
     text = capsys.readouterr().out
