@@ -89,10 +89,7 @@ def estimate_bake(scene: Scene, settings: BakeSettings, *, threads: int | None =
         receivers=len(receivers),
         rays=total_rays,
         seconds=seconds,
-        memory_bytes=entries * 16
-        + signal * 5
-        + len(surfaces.faces) * 150
-        + threads * chunk_rays * _RAY_BYTES * (1 + bounce),
+        memory_bytes=entries * 16 + signal * 5 + len(surfaces.faces) * 150 + in_flight,
         asset_bytes=signal + len(receivers) * 36 + len(surfaces.faces) * 12,
         operator_entries=entries,
         threads=threads,
