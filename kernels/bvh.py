@@ -1,9 +1,8 @@
-"""A bounding volume hierarchy over triangles: binned surface area heuristic (Wald 2007), built in Warp kernels.
+"""The bounding volume hierarchy that rays walk: nodes of four boxes, triangles ready for the edge test.
 
-Nodes lie depth-first, 32 bytes each: least corner, right child (or first triangle), greatest corner, and a tag:
-the triangle count of a leaf, or -1 - axis of a split. The left child follows its parent. Triangles lie in
-the order of the leaves. A subtree over n triangles owns 2n - 1 slots that its parent knows in advance, so
-subtrees are built on several threads without talking to each other; unused slots are squeezed out at the end.
+A node is 128 bytes: the least and greatest corners of its children (x of all four, then y, then z), the children
+(the number of a node, or ~(first triangle << 3 | count) for a leaf), and for each of the eight octants of directions
+the order from the farthest child to the nearest, two bits each. Missing children lie at 3e38, where no ray arrives.
 """
 
 from __future__ import annotations
@@ -13,162 +12,84 @@ from dataclasses import dataclass
 import torch
 import warp as wp
 
-from diffprt.kernels.launch import compile_kernels, default_threads, run_chunks
+from diffprt.kernels.binary_tree import NODE, binary_tree
+from diffprt.kernels.launch import compile_kernels, run_ranges
 
-LEAF_TRIANGLES = 4
-# A node deeper than this is halved by count, which bounds the depth of any tree by 40 + 31 levels.
-HEURISTIC_DEPTH = 40
-_SUBTREES = 32
-_SMALLEST_SUBTREE = 4096
-
-NODE = """
-struct Node { float lo[3]; int right; float hi[3]; int tag; };
+QUAD = """
+struct Quad { float lo[3][4], hi[3][4]; int child[4]; unsigned char order[8]; int unused[2]; };
+const float NOWHERE = 3e38f;
 """
+_FLOATS = 32
+# Most levels of nodes: those of the binary tree, HEURISTIC_DEPTH and 31 halvings.
+DEEPEST = 72
 
-_BUILD = (
+_COLLAPSE = (
     NODE
+    + QUAD
+    + f"const int DEEPEST = {DEEPEST};"
     + r"""
-typedef float f4 __attribute__((vector_size(16)));
-struct Box { float lo[3]; int id; float hi[3]; int unused; };
-const int BINS = 16;
-const f4 FAR = {3e38f, 3e38f, 3e38f, 3e38f};
-Box* boxes = (Box*)records.data;
-Node* tree = (Node*)nodes.data;
-struct Range { int first, count, slot, depth; } stack[160];
-int top = 0, handed_over = 0;
-stack[top++] = Range{first, count, slot, depth};
-auto low = [](f4 a, f4 b) { return a < b ? a : b; };
-auto high = [](f4 a, f4 b) { return a > b ? a : b; };
-auto area = [](f4 e) { return e[0] * e[1] + e[1] * e[2] + e[2] * e[0]; };
-auto load = [](const float* p) { f4 v; __builtin_memcpy(&v, p, 16); v[3] = 0.0f; return v; };
-while (top > 0) {
-  const Range r = stack[--top];
-  if (r.count <= hand_over && r.count < count) {
-    int* task = subtrees.data + 4 * handed_over++;
-    task[0] = r.first; task[1] = r.count; task[2] = r.slot; task[3] = r.depth;
-    continue;
-  }
-  f4 lo = FAR, hi = -FAR, least = FAR, greatest = -FAR;   // of the boxes, and of twice their centers
-  for (int i = r.first; i < r.first + r.count; i++) {
-    const f4 a = load(boxes[i].lo), b = load(boxes[i].hi), c = a + b;
-    lo = low(a, lo); hi = high(b, hi); least = low(c, least); greatest = high(c, greatest);
-  }
-  Node& node = tree[r.slot];
-  for (int k = 0; k < 3; k++) { node.lo[k] = lo[k]; node.hi[k] = hi[k]; }
-  const f4 extent = greatest - least;
-  f4 scale = {};
-  for (int k = 0; k < 3; k++) scale[k] = extent[k] > 0.0f ? (BINS * 0.9999f) / extent[k] : 0.0f;
-  int best_axis = -1, best_bin = 0;
-  float best_cost = 3e38f;
-  if (r.count > 1 && r.depth < heuristic_depth) {
-    f4 bin_lo[3][BINS], bin_hi[3][BINS];
-    int members[3][BINS];
-    for (int k = 0; k < 3; k++) {
-      for (int q = 0; q < BINS; q++) { bin_lo[k][q] = FAR; bin_hi[k][q] = -FAR; members[k][q] = 0; }
+const Node* tree = (const Node*)nodes.data;
+Quad* out = (Quad*)quads.data;
+auto area = [&](int j) {
+  const float x = tree[j].hi[0] - tree[j].lo[0], y = tree[j].hi[1] - tree[j].lo[1], z = tree[j].hi[2] - tree[j].lo[2];
+  return x * y + y * z + z * x;
+};
+struct Task { int node, slot; } waiting[3 * DEEPEST + 4];
+int made = 1, depth = 0;
+waiting[depth++] = Task{0, 0};
+while (depth > 0) {
+  const Task task = waiting[--depth];
+  // The two children, then whichever has most area is replaced by its own, until there are four.
+  int open[4] = {task.node}, count = 1;
+  while (count < 4) {
+    int largest = -1;
+    for (int k = 0; k < count; k++) {
+      if (tree[open[k]].tag < 0 && (largest < 0 || area(open[k]) > area(open[largest]))) largest = k;
     }
-    for (int i = r.first; i < r.first + r.count; i++) {
-      const f4 a = load(boxes[i].lo), b = load(boxes[i].hi), place = (a + b - least) * scale;
-      for (int k = 0; k < 3; k++) {
-        const int q = (int)place[k];
-        bin_lo[k][q] = low(a, bin_lo[k][q]); bin_hi[k][q] = high(b, bin_hi[k][q]); members[k][q]++;
-      }
-    }
-    for (int k = 0; k < 3; k++) {
-      if (!(extent[k] > 0.0f)) continue;
-      float cost_right[BINS];
-      int count_right[BINS], n = 0;
-      f4 l = FAR, h = -FAR;
-      for (int q = BINS - 1; q > 0; q--) {
-        l = low(bin_lo[k][q], l); h = high(bin_hi[k][q], h); n += members[k][q];
-        cost_right[q] = n ? area(h - l) * n : 0.0f; count_right[q] = n;
-      }
-      l = FAR; h = -FAR; n = 0;
-      for (int q = 1; q < BINS; q++) {
-        l = low(bin_lo[k][q - 1], l); h = high(bin_hi[k][q - 1], h); n += members[k][q - 1];
-        if (n == 0 || count_right[q] == 0) continue;
-        const float cost = area(h - l) * n + cost_right[q];
-        if (cost < best_cost) { best_cost = cost; best_axis = k; best_bin = q; }
-      }
-    }
+    if (largest < 0) break;
+    const int j = open[largest];
+    open[largest] = j + 1; open[count++] = tree[j].right;
   }
-  const float own = area(hi - lo);
-  if (r.count == 1 || (r.count <= leaf_triangles && (best_axis < 0 || own * r.count <= best_cost + own))) {
-    node.right = r.first; node.tag = r.count;
-    continue;
-  }
-  int left = r.count / 2;
-  if (best_axis < 0) {
-    best_axis = 0;
-  } else {
-    int i = r.first, j = r.first + r.count - 1;
-    while (i <= j) {
-      const float place = (boxes[i].lo[best_axis] + boxes[i].hi[best_axis] - least[best_axis]) * scale[best_axis];
-      if ((int)place < best_bin) i++; else { const Box t = boxes[i]; boxes[i] = boxes[j]; boxes[j--] = t; }
+  Quad& quad = out[task.slot];
+  quad.unused[0] = quad.unused[1] = 0;
+  float center[4][3];
+  for (int k = 0; k < 4; k++) {
+    for (int a = 0; a < 3; a++) {
+      quad.lo[a][k] = k < count ? tree[open[k]].lo[a] : NOWHERE;
+      quad.hi[a][k] = k < count ? tree[open[k]].hi[a] : NOWHERE;
+      center[k][a] = k < count ? quad.lo[a][k] + quad.hi[a][k] : 0.0f;
     }
-    left = i - r.first;
+    if (k >= count) { quad.child[k] = 0; continue; }
+    const Node& child = tree[open[k]];
+    if (child.tag > 0) { quad.child[k] = ~(child.right << 3 | child.tag); continue; }
+    quad.child[k] = made;
+    waiting[depth++] = Task{open[k], made++};
   }
-  node.tag = -1 - best_axis; node.right = r.slot + 2 * left;
-  stack[top++] = Range{r.first + left, r.count - left, r.slot + 2 * left, r.depth + 1};
-  stack[top++] = Range{r.first, left, r.slot + 1, r.depth + 1};
+  for (int octant = 0; octant < 8; octant++) {
+    int order[4];
+    float along[4];
+    for (int k = 0; k < 4; k++) {
+      along[k] = 0.0f;
+      for (int a = 0; a < 3; a++) along[k] += octant >> a & 1 ? -center[k][a] : center[k][a];
+      int at = k;
+      while (at > 0 && along[order[at - 1]] < along[k]) { order[at] = order[at - 1]; at--; }
+      order[at] = k;
+    }
+    quad.order[octant] = order[0] | order[1] << 2 | order[2] << 4 | order[3] << 6;
+  }
 }
-return handed_over;
+return made;
 """
 )
 
 
-@wp.func_native(_BUILD)
-def build_range(
-    records: wp.array(dtype=wp.float32),
-    nodes: wp.array(dtype=wp.float32),
-    subtrees: wp.array(dtype=wp.int32),
-    first: int,
-    count: int,
-    slot: int,
-    depth: int,
-    hand_over: int,
-    leaf_triangles: int,
-    heuristic_depth: int,
-) -> int: ...
+@wp.func_native(_COLLAPSE)
+def collapse(nodes: wp.array(dtype=wp.float32), quads: wp.array(dtype=wp.float32)) -> int: ...
 
 
 @wp.kernel(enable_backward=False)
-def build_subtree(
-    records: wp.array(dtype=wp.float32),
-    nodes: wp.array(dtype=wp.float32),
-    first: int,
-    count: int,
-    slot: int,
-    depth: int,
-    hand_over: int,
-    leaf_triangles: int,
-    heuristic_depth: int,
-    subtrees: wp.array(dtype=wp.int32),
-    handed_over: wp.array(dtype=wp.int32),
-):
-    """Builds triangles [first, first + count); ranges of at most `hand_over` go to `subtrees` instead."""
-    handed_over[0] = build_range(
-        records, nodes, subtrees, first, count, slot, depth, hand_over, leaf_triangles, heuristic_depth
-    )
-
-
-@wp.kernel(enable_backward=False)
-def bound_triangles(
-    positions: wp.array(dtype=wp.vec3),
-    faces: wp.array(dtype=wp.vec3i),
-    first: int,
-    records: wp.array2d(dtype=wp.float32),
-):
-    i = first + wp.tid()
-    face = faces[i]
-    a = positions[face[0]]
-    b = positions[face[1]]
-    c = positions[face[2]]
-    lo = wp.min(a, wp.min(b, c))
-    hi = wp.max(a, wp.max(b, c))
-    for k in range(3):
-        records[i, k] = lo[k]
-        records[i, 4 + k] = hi[k]
-    records[i, 3] = wp.cast(i, wp.float32)
+def collapse_tree(nodes: wp.array(dtype=wp.float32), quads: wp.array(dtype=wp.float32), made: wp.array(dtype=wp.int32)):
+    made[0] = collapse(nodes, quads)
 
 
 @wp.kernel(enable_backward=False)
@@ -177,14 +98,14 @@ def gather_triangles(
     faces: wp.array(dtype=wp.vec3i),
     face_of: wp.array(dtype=wp.int32),
     first: int,
-    triangles: wp.array2d(dtype=wp.float32),
+    triangles: wp.array3d(dtype=wp.float32),
 ):
     i = first + wp.tid()
     face = faces[face_of[i]]
     for corner in range(3):
         p = positions[face[corner]]
-        for k in range(3):
-            triangles[i, 3 * corner + k] = p[k]
+        for axis in range(3):
+            triangles[i, axis, corner] = p[axis]
 
 
 @dataclass(frozen=True)
@@ -192,72 +113,37 @@ class Bvh:
     """The hierarchy in flat arrays.
 
     Attributes:
-        nodes: float32 [N, 8], see the head of this file; columns 3 and 7 hold int32 bits.
-        triangles: float32 [F, 9], corners in the order of the leaves.
+        quads: float32 [N, 32], see the head of this file; columns 24 to 29 hold the bits of integers.
+        triangles: float32 [F, 3, 4]: x of the three corners and nothing, then y, then z; in the order of the leaves.
         face_of: int32 [F], the mesh's face behind each of these triangles.
     """
 
-    nodes: torch.Tensor
+    quads: torch.Tensor
     triangles: torch.Tensor
     face_of: torch.Tensor
 
     @property
     def nbytes(self) -> int:
         """Bytes of the three arrays."""
-        return 4 * (self.nodes.numel() + self.triangles.numel() + self.face_of.numel())
+        return 4 * (self.quads.numel() + self.triangles.numel() + self.face_of.numel())
 
     @staticmethod
     def build(positions: torch.Tensor, faces: torch.Tensor, *, threads: int | None = None) -> Bvh:
         """Builds over `positions` float32 [V, 3] and `faces` int32 [F, 3]; the same for any thread count."""
-        compile_kernels(build_subtree)
-        threads = threads or default_threads()
-        count = len(faces)
-        mesh = [wp.from_torch(positions, dtype=wp.vec3), wp.from_torch(faces, dtype=wp.vec3i)]
-        records, nodes = torch.empty(count, 8), torch.zeros(2 * count, 8)
-        arrays = [wp.from_torch(records.view(-1)), wp.from_torch(nodes.view(-1))]
-
-        def each(kernel: wp.Kernel, inputs: list, output: torch.Tensor) -> None:
-            step = -(-count // threads)
-            target = wp.from_torch(output)
-
-            def part(first: int) -> None:
-                size = min(step, count - first)
-                wp.launch(kernel, size, inputs=[*inputs, first], outputs=[target], device="cpu", record_tape=False)
-
-            for _ in run_chunks(part, range(0, count, step), threads=threads):
-                pass
-
-        def subtree(first: int, size: int, slot: int, depth: int, hand_over: int) -> list[list[int]]:
-            tasks = torch.zeros(4 * (2 * size // max(hand_over, 1) + 2 if hand_over else 1), dtype=torch.int32)
-            handed_over = torch.zeros(1, dtype=torch.int32)
-            wp.launch(
-                build_subtree,
-                1,
-                inputs=[*arrays, first, size, slot, depth, hand_over, LEAF_TRIANGLES, HEURISTIC_DEPTH],
-                outputs=[wp.from_torch(tasks), wp.from_torch(handed_over)],
-                device="cpu",
-                record_tape=False,
-            )
-            return tasks[: 4 * int(handed_over)].view(-1, 4).tolist()
-
-        each(bound_triangles, mesh, records)
-        # The cut must not depend on the number of threads: neither tree nor order do.
-        tasks = subtree(0, count, 0, 0, max(count // _SUBTREES, _SMALLEST_SUBTREE))
-        tasks.sort(key=lambda task: -task[1])
-        for _ in run_chunks(lambda i: subtree(*tasks[i], 0), range(len(tasks)), threads=threads):
-            pass
-        face_of = records.view(torch.int32)[:, 3].clone()
-        triangles = torch.empty(count, 9)
-        each(gather_triangles, [*mesh, wp.from_torch(face_of)], triangles)
-        return Bvh(_squeezed(nodes), triangles, face_of)
-
-
-def _squeezed(nodes: torch.Tensor) -> torch.Tensor:
-    """Without unused slots, whose tag is zero; links to right children follow."""
-    used = nodes.view(torch.int32)[:, 7] != 0
-    place = used.cumsum(0, dtype=torch.int32) - 1
-    squeezed = nodes[used]
-    integers = squeezed.view(torch.int32)
-    inner = integers[:, 7] < 0
-    integers[inner, 3] = place[integers[inner, 3].long()]
-    return squeezed
+        compile_kernels(collapse_tree)
+        nodes, face_of = binary_tree(positions, faces, threads=threads)
+        # A node of four takes the place of at least one inner node of the binary tree, of which there are F - 1.
+        quads = torch.empty(max(len(faces) - 1, 1), _FLOATS)
+        made = torch.zeros(1, dtype=torch.int32)
+        wp.launch(
+            collapse_tree,
+            1,
+            inputs=[wp.from_torch(nodes.view(-1))],
+            outputs=[wp.from_torch(quads.view(-1)), wp.from_torch(made)],
+            device="cpu",
+            record_tape=False,
+        )
+        triangles = torch.zeros(len(faces), 3, 4)
+        mesh = [wp.from_torch(positions, dtype=wp.vec3), wp.from_torch(faces, dtype=wp.vec3i), wp.from_torch(face_of)]
+        run_ranges(gather_triangles, mesh, triangles, len(faces), threads=threads)
+        return Bvh(quads[: int(made)].clone(), triangles, face_of)

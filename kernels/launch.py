@@ -13,6 +13,7 @@ import threading
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 
+import torch
 import warp as wp
 
 _lock = threading.Lock()
@@ -74,6 +75,21 @@ def run_chunks(work: Callable[[int], object], chunks: Iterable[int], *, threads:
             yield from _collect(running)
         while running:
             yield from _collect(running)
+
+
+def run_ranges(
+    kernel: wp.Kernel, inputs: list, output: torch.Tensor, count: int, *, threads: int | None = None
+) -> None:
+    """Launches `kernel(*inputs, first, output)` over [0, count), one range of threads on each core."""
+    target = wp.from_torch(output)
+    step = max(1, -(-count // (threads or default_threads())))
+
+    def part(first: int) -> None:
+        size = min(step, count - first)
+        wp.launch(kernel, size, inputs=[*inputs, first], outputs=[target], device="cpu", record_tape=False)
+
+    for _ in run_chunks(part, range(0, count, step), threads=threads):
+        pass
 
 
 def _collect(running: dict[Future, int]) -> list[int]:

@@ -5,75 +5,83 @@ from __future__ import annotations
 import torch
 import warp as wp
 
-from diffprt.kernels.bvh import NODE, Bvh
+from diffprt.kernels.bvh import DEEPEST, QUAD, Bvh
 from diffprt.kernels.launch import compile_kernels, run_chunks, start
 
 _RAYS_PER_LAUNCH = 1 << 15
 
 _TRACE = (
-    NODE
+    QUAD
+    + f"const int DEEPEST = {DEEPEST};"
     + r"""
-const Node* tree = (const Node*)nodes.data;
+typedef float f4 __attribute__((vector_size(16)));
+const Quad* tree = (const Quad*)nodes.data;
 const float p[3] = {origin[0], origin[1], origin[2]}, d[3] = {direction[0], direction[1], direction[2]};
 float inverse[3];
-bool negative[3];
+int octant = 0;
 for (int k = 0; k < 3; k++) {
   inverse[k] = 1.0f / ((d[k] < 1e-20f && d[k] > -1e-20f) ? 1e-20f : d[k]);
-  negative[k] = d[k] < 0.0f;
+  octant |= (d[k] < 0.0f) << k;
 }
+auto low = [](f4 a, f4 b) { return a < b ? a : b; };
+auto high = [](f4 a, f4 b) { return a > b ? a : b; };
 float nearest = 3e38f, u = 0.0f, v = 0.0f;
 int found = -1;
-int waiting[96], depth = 0, j = 0;
-while (true) {
-  const Node& node = tree[j];
-  float enter = 0.0f, leave = nearest;
-  for (int k = 0; k < 3; k++) {
-    const float t0 = inverse[k] * (node.lo[k] - p[k]), t1 = inverse[k] * (node.hi[k] - p[k]);
-    const float first = t0 < t1 ? t0 : t1, last = (t0 < t1 ? t1 : t0) * 1.0000005f;
-    enter = first > enter ? first : enter;
-    leave = last < leave ? last : leave;
-  }
-  if (enter <= leave) {
-    if (node.tag < 0) {
-      const bool right_first = negative[-1 - node.tag];
-      waiting[depth++] = right_first ? j + 1 : node.right;
-      j = right_first ? node.right : j + 1;
-      continue;
+int waiting[3 * DEEPEST + 4], depth = 0;
+waiting[depth++] = 0;
+while (depth > 0) {
+  const int next = waiting[--depth];
+  if (next >= 0) {
+    const Quad& node = tree[next];
+    f4 enter = {}, leave = enter + nearest;
+    for (int k = 0; k < 3; k++) {
+      f4 near, far;
+      __builtin_memcpy(&near, octant >> k & 1 ? node.hi[k] : node.lo[k], sizeof(f4));
+      __builtin_memcpy(&far, octant >> k & 1 ? node.lo[k] : node.hi[k], sizeof(f4));
+      enter = high(enter, inverse[k] * (near - p[k]));
+      leave = low(leave, inverse[k] * (far - p[k]) * 1.0000005f);
     }
-    for (int q = node.right; q < node.right + node.tag; q++) {
-      #pragma clang fp contract(off)   // a fused product would break the symmetry of shared edges
-      const float* c = triangles.data + 9 * q;
-      float r[9], n[3], e[6], slack = 0.0f;
-      for (int k = 0; k < 9; k++) r[k] = c[k] - p[k % 3];
-      // Twice the volume of an edge and the ray, t x s . d = (t - s) x (t + s) . d / 2, see kernels/packets.py
-      auto volume = [&](int s, int t) {
-        float g[3], m[3];
-        for (int k = 0; k < 3; k++) { g[k] = c[t + k] - c[s + k]; m[k] = r[t + k] + r[s + k]; }
-        slack += __builtin_fabsf(g[0]) + __builtin_fabsf(g[1]) + __builtin_fabsf(g[2]);
-        const float x = g[1] * m[2] - g[2] * m[1], y = g[2] * m[0] - g[0] * m[2], z = g[0] * m[1] - g[1] * m[0];
-        return d[0] * x + d[1] * y + d[2] * z;
-      };
-      const float va = volume(3, 6), vb = volume(6, 0), vc = volume(0, 3), sum = va + vb + vc;
-      float reach = 0.0f, scale = 0.0f;
-      for (int k = 0; k < 9; k++) reach += __builtin_fabsf(r[k]);
-      for (int k = 0; k < 3; k++) scale = __builtin_fmaxf(scale, __builtin_fabsf(d[k]));
-      slack = __builtin_fminf(2e-7f * slack * reach * scale, 0.01f * __builtin_fabsf(sum));
-      const float least = __builtin_fminf(va, __builtin_fminf(vb, vc));
-      const float greatest = __builtin_fmaxf(va, __builtin_fmaxf(vb, vc));
-      if (!(least >= -slack || greatest <= slack)) continue;
-      for (int k = 0; k < 6; k++) e[k] = c[3 + k] - c[k % 3];
-      for (int k = 0; k < 3; k++) n[k] = e[(k + 1) % 3] * e[3 + (k + 2) % 3] - e[(k + 2) % 3] * e[3 + (k + 1) % 3];
-      const float at = (r[0] * n[0] + r[1] * n[1] + r[2] * n[2]) / (d[0] * n[0] + d[1] * n[1] + d[2] * n[2]);
-      if (at > 0.0f && at < nearest) {
-        const float whole = 1.0f / sum;
-        nearest = at; found = q; u = va * whole; v = vb * whole;
-        if (any_hit) break;
-      }
+    const auto met = enter <= leave;
+    unsigned order = node.order[octant];
+    for (int k = 0; k < 4; k++) {
+      const int child = order & 3;
+      order >>= 2;
+      if (met[child] && node.child[child] != 0) waiting[depth++] = node.child[child];
     }
-    if (any_hit && found >= 0) break;
+    continue;
   }
-  if (depth == 0) break;
-  j = waiting[--depth];
+  const int first = ~next >> 3, last = first + (~next & 7);
+  for (int q = first; q < last; q++) {
+    #pragma clang fp contract(off)   // a fused product would break the symmetry of shared edges
+    const float* corners = triangles.data + 12 * (long long)q;
+    float c[9], r[9], n[3], e[6], slack = 0.0f;
+    for (int k = 0; k < 9; k++) { c[k] = corners[4 * (k % 3) + k / 3]; r[k] = c[k] - p[k % 3]; }
+    // Twice the volume of an edge and the ray, t x s . d = (t - s) x (t + s) . d / 2, see kernels/triangle_test.py
+    auto volume = [&](int s, int t) {
+      float g[3], m[3];
+      for (int k = 0; k < 3; k++) { g[k] = c[t + k] - c[s + k]; m[k] = r[t + k] + r[s + k]; }
+      slack += __builtin_fabsf(g[0]) + __builtin_fabsf(g[1]) + __builtin_fabsf(g[2]);
+      const float x = g[1] * m[2] - g[2] * m[1], y = g[2] * m[0] - g[0] * m[2], z = g[0] * m[1] - g[1] * m[0];
+      return d[0] * x + d[1] * y + d[2] * z;
+    };
+    const float va = volume(3, 6), vb = volume(6, 0), vc = volume(0, 3), sum = va + vb + vc;
+    float reach = 0.0f, scale = 0.0f;
+    for (int k = 0; k < 9; k++) reach += __builtin_fabsf(r[k]);
+    for (int k = 0; k < 3; k++) scale = __builtin_fmaxf(scale, __builtin_fabsf(d[k]));
+    slack = __builtin_fminf(2e-7f * slack * reach * scale, 0.01f * __builtin_fabsf(sum));
+    const float least = __builtin_fminf(va, __builtin_fminf(vb, vc));
+    const float greatest = __builtin_fmaxf(va, __builtin_fmaxf(vb, vc));
+    if (!(least >= -slack || greatest <= slack)) continue;
+    for (int k = 0; k < 6; k++) e[k] = c[3 + k] - c[k % 3];
+    for (int k = 0; k < 3; k++) n[k] = e[(k + 1) % 3] * e[3 + (k + 2) % 3] - e[(k + 2) % 3] * e[3 + (k + 1) % 3];
+    const float at = (r[0] * n[0] + r[1] * n[1] + r[2] * n[2]) / (d[0] * n[0] + d[1] * n[1] + d[2] * n[2]);
+    if (at > 0.0f && at < nearest) {
+      const float whole = 1.0f / sum;
+      nearest = at; found = q; u = va * whole; v = vb * whole;
+      if (any_hit) break;
+    }
+  }
+  if (any_hit && found >= 0) break;
 }
 if (found >= 0) {
   distance.data[ray] = nearest;
@@ -135,7 +143,7 @@ class TriangleMesh:
             raise ValueError("a mesh with non-finite positions cannot be traced: repair it first")
         self.bvh = Bvh.build(self.positions, self.faces, threads=threads)
         self.arrays = [
-            wp.from_torch(self.bvh.nodes.view(-1)),
+            wp.from_torch(self.bvh.quads.view(-1)),
             wp.from_torch(self.bvh.triangles.view(-1)),
             wp.from_torch(self.bvh.face_of),
         ]

@@ -12,7 +12,7 @@ import torch
 from diffprt.cli.report import JsonFile, machine, print_table, size_text, write_report
 from diffprt.errors import InputError
 from diffprt.kernels import TriangleMesh, compile_kernels
-from diffprt.kernels.bvh import build_subtree
+from diffprt.kernels.binary_tree import build_subtree
 from diffprt.kernels.mesh import trace_rays
 from diffprt.kernels.packets import trace_hemispheres
 from diffprt.kernels.raster import cover

@@ -6,7 +6,8 @@ import pytest
 import torch
 
 from diffprt.kernels import TriangleMesh
-from diffprt.kernels.bvh import HEURISTIC_DEPTH, LEAF_TRIANGLES, Bvh
+from diffprt.kernels.binary_tree import LEAF_TRIANGLES
+from diffprt.kernels.bvh import DEEPEST, Bvh
 from diffprt.kernels.launch import start
 from diffprt.scene import builtin_scene
 from diffprt.transfer.reference import closest_hits
@@ -21,27 +22,35 @@ def soup(count: int, generator: torch.Generator, size: float = 0.05) -> tuple[to
 def check(bvh: Bvh, positions: torch.Tensor, faces: torch.Tensor) -> int:
     """Walks the whole tree; its depth."""
     assert torch.equal(bvh.face_of.sort().values.long(), torch.arange(len(faces)))
-    assert torch.equal(bvh.triangles.reshape(-1, 3, 3), positions[faces.long()][bvh.face_of.long()])
-    integers = bvh.nodes.view(torch.int32)
-    right, tag = integers[:, 3].tolist(), integers[:, 7].tolist()
-    low, high = bvh.nodes[:, :3], bvh.nodes[:, 4:7]
-    seen, deepest, stack = 0, 0, [(0, 0)]
+    corners = bvh.triangles[:, :, :3].transpose(1, 2)
+    assert torch.equal(corners, positions[faces.long()][bvh.face_of.long()])
+    low, high = bvh.quads[:, :12].view(-1, 3, 4), bvh.quads[:, 12:24].view(-1, 3, 4)
+    children = bvh.quads[:, 24:28].contiguous().view(torch.int32).tolist()
+    orders = bvh.quads[:, 28:30].contiguous().view(torch.uint8)
+    shifts = torch.tensor([0, 2, 4, 6])
+    assert torch.equal((orders[..., None] >> shifts & 3).sort(-1).values, torch.arange(4).expand(len(orders), 8, 4))
+    seen, deepest, stack = 0, 0, [(0, 0, None)]
     firsts = []
     while stack:
-        node, depth = stack.pop()
+        node, depth, bounds = stack.pop()
         deepest = max(deepest, depth)
-        if tag[node] > 0:
-            corners = bvh.triangles[right[node] : right[node] + tag[node]].reshape(-1, 3)
-            assert bool((corners >= low[node]).all() and (corners <= high[node]).all())
-            assert tag[node] <= max(LEAF_TRIANGLES, 1)
-            firsts.append((right[node], tag[node]))
-            seen += 1
-            continue
-        for child in (node + 1, right[node]):
-            assert bool((low[child] >= low[node]).all() and (high[child] <= high[node]).all())
-            stack.append((child, depth + 1))
         seen += 1
-    assert seen == len(bvh.nodes)
+        for k, child in enumerate(children[node]):
+            least, most = low[node, :, k], high[node, :, k]
+            if child == 0:
+                assert bool((least == 3e38).all())
+                continue
+            if bounds is not None:
+                assert bool((least >= bounds[0]).all() and (most <= bounds[1]).all())
+            if child > 0:
+                stack.append((child, depth + 1, (least, most)))
+                continue
+            first, count = ~child >> 3, ~child & 7
+            assert 1 <= count <= LEAF_TRIANGLES
+            points = corners[first : first + count].reshape(-1, 3)
+            assert bool((points >= least).all() and (points <= most).all())
+            firsts.append((first, count))
+    assert seen == len(bvh.quads)
     firsts.sort()
     assert firsts[0][0] == 0 and sum(n for _, n in firsts) == len(faces)
     assert all(a + n == b for (a, n), (b, _) in itertools.pairwise(firsts))
@@ -53,7 +62,7 @@ def test_tree_holds_every_triangle_once(count, generator):
     start()
     positions, faces = soup(count, generator)
     bvh = Bvh.build(positions, faces)
-    assert check(bvh, positions, faces) < 64
+    assert check(bvh, positions, faces) < 40
     assert count < 100 or bvh.nbytes / count < 150
 
 
@@ -61,7 +70,7 @@ def test_any_thread_count_gives_the_same_tree(generator):
     start()
     positions, faces = soup(20_000, generator)
     one, five = Bvh.build(positions, faces, threads=1), Bvh.build(positions, faces, threads=5)
-    for name in ("nodes", "triangles", "face_of"):
+    for name in ("quads", "triangles", "face_of"):
         a, b = (getattr(x, name).contiguous().view(torch.int32) for x in (one, five))
         assert torch.equal(a, b)
 
@@ -80,7 +89,7 @@ def test_degenerate_inputs_keep_a_bounded_depth(kind, generator):
     else:
         positions *= (1.03 ** torch.arange(3000).repeat_interleave(3))[:, None].clamp(max=1e30)
     bvh = Bvh.build(positions, faces)
-    assert check(bvh, positions, faces) <= HEURISTIC_DEPTH + 32
+    assert check(bvh, positions, faces) < DEEPEST
 
 
 def test_closest_hits_match_brute_force_on_a_soup(generator):
