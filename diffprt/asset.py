@@ -47,6 +47,7 @@ _GEOMETRY = {
     "albedo": ((torch.float32,), 2),
     "faces": ((torch.int32,), 2),
 }
+_OPTIONAL = {"openness": ((torch.float32,), 1), "bent_normals": ((torch.float32,), 2)}
 
 
 def _pack_clustered(asset: ClusteredTransfer) -> dict[str, torch.Tensor]:
@@ -97,6 +98,7 @@ def save(asset: Asset, path: str | Path) -> int:
         "albedo": receivers.albedo,
         "faces": receivers.faces.to(torch.int32),
     }
+    tensors |= {key: getattr(asset, key) for key in _OPTIONAL if getattr(asset, key) is not None}
     header = {
         "version": VERSION,
         "type": name,
@@ -153,6 +155,21 @@ def read_header(path: str | Path) -> dict:
     return {**header, "tensors": shapes, "bytes": path.stat().st_size}
 
 
+def read_tensor(path: str | Path, name: str) -> torch.Tensor | None:
+    """One tensor of an asset, None where it has none of that name; reads no other.
+
+    Raises:
+        InputError: as `read_header`.
+    """
+    if name not in read_header(path)["tensors"]:
+        return None
+    try:
+        with safetensors.safe_open(Path(path), framework="pt") as file:
+            return file.get_tensor(name)
+    except (safetensors.SafetensorError, OSError) as error:
+        raise InputError(f"asset {path} is damaged ({str(error).splitlines()[0]}): bake it again") from error
+
+
 def load(path: str | Path) -> Asset:
     """Reads an asset; the type that was saved is the type that comes back.
 
@@ -163,8 +180,9 @@ def load(path: str | Path) -> Asset:
     header = read_header(path)
     kind = KINDS[header["type"]]
     expected = kind.shapes | _GEOMETRY
-    if set(header["tensors"]) != set(expected):
+    if not set(expected) <= set(header["tensors"]) <= set(expected | _OPTIONAL):
         raise InputError(f"asset {path} holds {sorted(header['tensors'])}, wanted {sorted(expected)}: bake it again")
+    expected |= _OPTIONAL
     for key, entry in header["tensors"].items():
         if len(entry["shape"]) != expected[key][1]:
             raise InputError(f"asset {path} has {key} of shape {entry['shape']}: bake it again")
@@ -188,8 +206,10 @@ def load(path: str | Path) -> Asset:
             tensors.pop("albedo"),
             tensors.pop("faces").to(torch.int64),
         )
+        known = {key: tensors.pop(key) for key in _OPTIONAL if key in tensors}
         return kind.type(
             receivers=receivers,
+            **known,
             settings=dict(header["settings"]),
             plan=dict(header["plan"]),
             certificate=dict(header["certificate"]),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,12 +15,15 @@ from diffprt.errors import InputError
 from diffprt.plan import plan
 from diffprt.progress import status, track
 from diffprt.transfer import (
+    CONVERGED,
+    OPERATORS,
     BakeSettings,
     Estimate,
     SamplingRate,
     available_memory,
     bake,
     check_memory,
+    check_time,
     choose_rays,
     discard_chunks,
     estimate_bake,
@@ -34,7 +38,7 @@ def run(
     quality: str = typer.Option("good", help="draft, good or best: sets order, rays and bounces."),
     order: int = typer.Option(None, help="SH bands, 1 to 10."),
     rays: int = typer.Option(None, help="Rays per receiver."),
-    bounces: int = typer.Option(None, help="Diffuse interreflections."),
+    bounces: str = typer.Option(None, help="Diffuse interreflections: a number, or converged for all of them."),
     tolerance: float = typer.Option(None, help="Instead of rays: the relative error that sampling may leave."),
     seconds: float = typer.Option(None, help="Instead of rays: about how long this machine may work."),
     planned: str = typer.Option(
@@ -48,10 +52,18 @@ def run(
     occluder: list[str] = typer.Option([], help="A mesh that only blocks light; may be repeated."),
     non_finite: str = typer.Option("refuse", help="refuse, or drop: what to do with NaN vertices."),
     winding: str = typer.Option("repair", help="repair, or keep: for rooms that are seen from within."),
+    fill_inside: bool = typer.Option(True, help="Fill receivers inside geometry from their neighbors outside."),
+    operator: str = typer.Option(
+        "auto", help="stored: keep what rays hit for the bounces; recompute: trace again for each; auto: what fits."
+    ),
+    hours: float = typer.Option(1.0, help="Refuse a bake that is expected to take longer; --seconds takes precedence."),
     dry_run: bool = typer.Option(False, help="Print expected time, memory and bytes; do nothing."),
     json_file: Path = JsonFile,
 ) -> None:
-    settings = BakeSettings.of(quality, order=order, rays=rays, bounces=bounces, seed=seed)
+    asked = _parse_bounces(bounces)
+    settings = BakeSettings.of(quality, order=order, rays=rays, bounces=asked, seed=seed)
+    if operator not in OPERATORS:
+        raise InputError(f"operator is '{operator}': use one of {', '.join(OPERATORS)}")
     if threads is not None and threads < 1:
         raise InputError(f"threads is {threads}: give 1 or more")
     if output.suffix != ".prt":
@@ -65,10 +77,12 @@ def run(
     if planned != "off":
         with status("planning"):
             light = None if planned == "on" else load_light(planned, 10)
-            decided = plan(scene, tolerance or 0.01, light=light, order=order, bounces=bounces)
+            counted = None if asked == CONVERGED else asked
+            decided = plan(scene, tolerance or 0.01, light=light, order=order, bounces=counted)
         for line in decided.lines():
             print(line)
-        settings = replace(settings, order=decided.order.value, bounces=decided.bounces.value)
+        bounced = asked if asked == CONVERGED and decided.shadows.value else decided.bounces.value
+        settings = replace(settings, order=decided.order.value, bounces=bounced)
     rate = None
     with status("trying a few rays"):
         # Where a plan proves that nothing is shadowed, no ray will be traced and none need be chosen.
@@ -76,11 +90,13 @@ def run(
             settings, rate = choose_rays(
                 scene, settings, rays=rays, tolerance=tolerance, seconds=seconds, threads=threads
             )
-        estimate = estimate_bake(scene, settings, threads=threads)
+        estimate = estimate_bake(scene, settings, operator=operator, threads=threads)
     if dry_run:
         _print_estimate(source, settings, estimate, rate, json_file)
         return
     check_memory(estimate, settings, available_memory())
+    if seconds is None:
+        check_time(estimate, hours)
     check_output(output)
     parts = output.with_name(output.name + ".parts")
     report: dict = {}
@@ -89,6 +105,9 @@ def run(
         **settings.as_dict(),
         sampling=rate,
         plan=decided,
+        fill_inside=fill_inside,
+        operator=estimate.operator,
+        hours=math.inf,
         threads=threads,
         # A bake that was asked to end in some seconds is not worth resuming, and its rays depend on the clock.
         checkpoint=parts if seconds is None else None,
@@ -103,6 +122,8 @@ def run(
             f"resumed: {counts['resumed_chunks']} of {counts['chunks']} chunks were done, "
             f"{counts['recomputed_in_flight']} in flight were recomputed"
         )
+    if errors.get("receivers_inside"):
+        print(f"note: {errors['receivers_inside']:,} receivers lie inside geometry" + ", filled" * fill_inside)
     print(
         f"{output}: {len(transfer.receivers):,} receivers, order {transfer.order}, {settings.rays} rays, "
         f"{size_text(size)}{_error_text(errors)}"
@@ -115,11 +136,26 @@ def run(
     write_report(json_file, "bake", report)
 
 
+def _parse_bounces(text: str | None) -> int | str | None:
+    """A number of bounces, or "converged"."""
+    if text is None or text == CONVERGED:
+        return text
+    try:
+        return int(text)
+    except ValueError:
+        raise InputError(f"bounces is '{text}': give 0 to 64, such as 2, or converged") from None
+
+
 def _error_text(errors: dict) -> str:
     """What is known of the error of the signal."""
     if "estimated_error" in errors:
         return f", error about {100 * errors['estimated_error']:.2f} %"
-    return f", noise below {100 * errors['noise_relative']:.2f} %" if errors else ""
+    return f", noise below {100 * errors['noise_relative']:.2f} %" if "noise_relative" in errors else ""
+
+
+def _bounces_text(settings: BakeSettings) -> str:
+    """How many bounces, in words."""
+    return "all bounces" if settings.bounces == CONVERGED else f"{settings.bounces} bounces"
 
 
 def _print_estimate(
@@ -131,6 +167,7 @@ def _print_estimate(
         ["rays per receiver", f"{settings.rays:,}"],
         ["rays", f"{estimate.rays:,}"],
         ["threads", str(estimate.threads)],
+        ["bounces from", "recomputed hits" if estimate.operator == "recompute" else "stored hits"],
         ["time", f"{estimate.seconds:.1f} s"],
         ["memory", size_text(estimate.memory_bytes)],
         ["asset", size_text(estimate.asset_bytes)],
@@ -139,5 +176,5 @@ def _print_estimate(
     if rate is not None:
         rows.append(["error", f"{100 * rate.expected_error:.2f} %"])
         report["sampling"] = rate.as_dict()
-    print_table(f"{source}: order {settings.order}, {settings.bounces} bounces", ["expected", ""], rows)
+    print_table(f"{source}: order {settings.order}, {_bounces_text(settings)}", ["expected", ""], rows)
     write_report(json_file, "bake", report)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import typer
 
-from diffprt.asset import read_header
+from diffprt.asset import read_header, read_tensor
 from diffprt.cli.report import JsonFile, print_table, size_text, write_report
 
 
@@ -26,4 +26,11 @@ def run(
     )
     for name in ("scene_hash", "settings", "plan", "certificate", "conventions"):
         print(f"{name}: {json.dumps(header.get(name), sort_keys=True)}")
+    openness = read_tensor(source, "openness")
+    if openness is not None:
+        header["openness_mean"] = float(openness.double().mean())
+        print(f"mean openness: {header['openness_mean']:.4f}")
+    inside = header["certificate"].get("receivers_inside", 0)
+    if inside:
+        print(f"receivers inside geometry: {inside:,}")
     write_report(json_file, "info", header)

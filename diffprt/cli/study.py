@@ -9,10 +9,10 @@ import typer
 
 from diffprt.cli.inputs import parse_color
 from diffprt.cli.report import JsonFile, check_output, print_table, write_report
+from diffprt.cli.study_tables import print_tolerance, print_visibility
+from diffprt.scene import BUILTIN_SCENES
 
 app = typer.Typer(help=__doc__, no_args_is_help=True, rich_markup_mode=None)
-
-_PEER_COLUMNS = ["scene", "rays", "peer", "differ", "fastest way"]
 
 
 @app.command(help="Render against a Mitsuba path trace of the same scene under the same light.")
@@ -86,63 +86,38 @@ def visibility(
         say=lambda text: print(text, file=sys.stderr, flush=True),
     )
     write_report(json_file, "study visibility", report)
-    _print_visibility(report)
+    print_visibility(report)
 
 
-def _print_visibility(report: dict) -> None:
-    """The tables of `visibility_study`."""
-    for note in report["notes"]:
-        print(f"note: {note}")
+@app.command(help="Whether --tolerance delivers, and at which cost against the best fixed number of rays.")
+def tolerance(
+    source: list[str] = typer.Argument(
+        None, metavar="[SCENE]...", help="Scene files or builtin:NAME.  [default: every built-in scene]"
+    ),
+    data: Path = typer.Option(None, help="A folder whose meshes are added."),
+    random: int = typer.Option(12, help="Random scenes that are added."),
+    tolerance: list[float] = typer.Option([0.03, 0.01], help="Relative errors asked for; may be repeated."),
+    bounces: list[int] = typer.Option([0, 2], help="Diffuse interreflections; may be repeated."),
+    order: int = typer.Option(6, help="SH bands."),
+    seed: int = typer.Option(0, help="Of bakes, and of the first random scene."),
+    truth_rays: int = typer.Option(20_000_000, help="Most rays of a truth; fewer receivers are compared beyond it."),
+    output: Path = typer.Option(Path("out/tolerance"), "-o", "--output", help="The folder for rows and chart."),
+    json_file: Path = JsonFile,
+) -> None:
+    from diffprt.study.tolerance import tolerance_study
 
-    def median(value: dict | None, scale: float = 1.0) -> str:
-        return "-" if value is None else f"{value['median'] * scale:.3g}"
-
-    def rate(row: dict, name: str) -> str:
-        return median(row["contenders"][name]["rate"], 1e-6)
-
-    def ratio(row: dict, name: str) -> str:
-        value = row["ratios"][name]
-        return "-" if value is None else f"{value['median']:.2f}"
-
-    columns = ["scene", "rays", "1 core", "embreex", "ratio", "all", "Mitsuba", "ratio", "SH adds", "all / 1"]
-    rows = [
-        [
-            row["scene"],
-            str(row["rays_per_receiver"]),
-            rate(row, "ours_one_core"),
-            rate(row, "embreex"),
-            ratio(row, "embreex"),
-            rate(row, "ours"),
-            rate(row, "mitsuba"),
-            ratio(row, "mitsuba"),
-            f"{100 * (row['ratios']['sh']['median'] - 1):.1f} %",
-            median(row["ratios"]["threads"]),
-        ]
-        for row in report["rows"]
-    ]
-    print_table(f"Visibility [million rays/s], medians of {report['settings']['runs']} runs", columns, rows)
-    worst = [
-        [row["scene"], str(row["rays_per_receiver"]), name, f"{entry['disagreement']:.1e}", entry["way"]]
-        if entry["skipped"] is None
-        else [row["scene"], str(row["rays_per_receiver"]), name, "-", f"skipped: {entry['skipped']}"]
-        for row in report["rows"]
-        for name, entry in row["contenders"].items()
-        if name in ("embreex", "mitsuba")
-    ]
-    print_table("Peers: share of counts that differ, and how they were called", _PEER_COLUMNS, worst)
-    for row in report["structure"]:
-        against = f"skipped: {row['skipped']}" if row["ratio"] is None else f"{median(row['ratio'])} times Embree's"
-        seconds = row["ours"]["seconds"]["median"]
-        print(
-            f"structure over {row['triangles']} triangles: {seconds:.2f} s, {against}, "
-            f"{row['bytes_per_triangle']:.0f} bytes a triangle"
-        )
-    for row in report["escapes"]:
-        found = row["skipped"] or f"{sum(v for k, v in row.items() if k.startswith('escaped'))} of 5 x {row['rays']}"
-        print(f"escaped from {row['scene']}: {found}")
-    for row in report["brute_force"]:
-        print(
-            f"brute force on {row['scene']}: of {row['rays']} rays {row['different_visibility']} differ in visibility, "
-            f"{row['different_face']} in the face; {row['unexcused']} of them off every edge"
-        )
-    print(f"chart: {report['files']['chart']}")
+    check_output(output, directory=True)
+    report = tolerance_study(
+        source or [f"builtin:{name}" for name in BUILTIN_SCENES],
+        output,
+        data=data,
+        random=random,
+        tolerances=tolerance,
+        bounces=bounces,
+        order=order,
+        seed=seed,
+        truth_rays=truth_rays,
+        say=lambda text: print(text, file=sys.stderr, flush=True),
+    )
+    write_report(json_file, "study tolerance", report)
+    print_tolerance(report)

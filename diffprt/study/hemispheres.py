@@ -9,7 +9,8 @@ import torch
 from diffprt.transfer.sampling import Pattern, hemisphere_directions
 from diffprt.transfer.surfaces import Surfaces
 
-# Receivers are drawn in runs of neighbors: single ones would take from every contender what near receivers share.
+# Receivers are drawn in runs of neighbors, as a bake traces them: single ones would take from every contender what
+# near receivers share.
 _RUN = 128
 
 
@@ -43,7 +44,7 @@ class Hemispheres:
         generator = torch.Generator().manual_seed(seed)
         first = torch.randperm(runs, generator=generator)[:some].sort().values * _RUN
         rows = (first[:, None] + torch.arange(_RUN)).flatten()
-        rows = rows[rows < len(receivers)]
+        rows = receivers.along_curve()[rows[rows < len(receivers)]]
         times = max(1, round(wanted / (rays * len(rows)))) if some == runs else 1
         low, diagonal = surfaces.positions.amin(0), surfaces.diagonal
         scramble = torch.cat([receivers.scramble(seed + again, low, diagonal)[rows] for again in range(times)])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
@@ -13,9 +14,10 @@ from diffprt.kernels import TriangleMesh, default_threads
 from diffprt.plan import Plan
 from diffprt.scene import Scene
 from diffprt.transfer.direct import open_transfer
+from diffprt.transfer.estimate import OPERATORS, choose_operator
 from diffprt.transfer.receivers import Receivers
 from diffprt.transfer.sampling_rate import SamplingRate, choose_rays
-from diffprt.transfer.settings import BakeSettings
+from diffprt.transfer.settings import CONVERGED, BakeSettings
 from diffprt.transfer.signal import Transfer
 from diffprt.transfer.surfaces import Surfaces
 from diffprt.transfer.transport import Track, Transport, timed, trace_transport, untracked
@@ -28,12 +30,15 @@ def bake(
     quality: str = "good",
     order: int | None = None,
     rays: int | None = None,
-    bounces: int | None = None,
+    bounces: int | str | None = None,
     seed: int = 0,
     tolerance: float | None = None,
     seconds: float | None = None,
     plan: Plan | None = None,
     sampling: SamplingRate | None = None,
+    fill_inside: bool = True,
+    operator: str = "auto",
+    hours: float = 1.0,
     threads: int | None = None,
     checkpoint: str | Path | None = None,
     track: Track = untracked,
@@ -47,12 +52,17 @@ def bake(
         quality: "draft", "good" or "best": defaults of the next three.
         order: SH bands, 1 to 10.
         rays: rays per receiver over its upper hemisphere, cosine-distributed.
-        bounces: diffuse interreflections.
+        bounces: diffuse interreflections; "converged" solves for all of them, to 1e-4 of direct transfer.
         seed: the same seed gives the same bytes for any number of threads.
         tolerance: instead of rays: the relative root mean square error that sampling may leave, such as 0.01.
         seconds: instead of rays: about how long this machine may work; the bytes then depend on its speed.
         plan: which effects to simulate; `order` and `bounces` given beside it take precedence.
         sampling: what `choose_rays` found beside these rays, for the certificate; `tolerance` and `seconds` find it.
+        fill_inside: give receivers that lie inside other geometry the mean of their neighbors outside: nobody sees
+            them, but interpolation would carry their black out.
+        operator: "stored" keeps what rays hit for the bounces, "recompute" traces again for each of them, "auto"
+            stores it where memory allows. The signal is the same.
+        hours: refuse, before tracing, what is expected to take longer; `seconds` takes precedence.
         threads: CPU threads; all that the process may use without it.
         checkpoint: folder for finished chunks. A bake that was killed goes on from there to the same bytes. It
             stays when the bake ends: `discard_chunks` it once the asset is saved.
@@ -64,7 +74,7 @@ def bake(
         it asks for them; visibility is frozen. `trace` gives the form for many albedos.
 
     Raises:
-        InputError: an option is out of range.
+        InputError: an option is out of range; the bake would not fit into memory or into `hours`; light never leaves.
         Interrupted: Ctrl-C; with a checkpoint nothing finished is lost.
     """
     run = _Run(
@@ -78,6 +88,9 @@ def bake(
         seconds=seconds,
         plan=plan,
         sampling=sampling,
+        fill_inside=fill_inside,
+        operator=operator,
+        hours=hours,
         threads=threads,
         checkpoint=checkpoint,
         track=track,
@@ -94,8 +107,11 @@ def trace(
     quality: str = "good",
     order: int | None = None,
     rays: int | None = None,
-    bounces: int | None = None,
+    bounces: int | str | None = None,
     seed: int = 0,
+    fill_inside: bool = True,
+    operator: str = "auto",
+    hours: float = 1.0,
     threads: int | None = None,
     checkpoint: str | Path | None = None,
     track: Track = untracked,
@@ -116,6 +132,9 @@ def trace(
         seconds=None,
         plan=None,
         sampling=None,
+        fill_inside=fill_inside,
+        operator=operator,
+        hours=hours,
         threads=threads,
         checkpoint=checkpoint,
         track=track,
@@ -134,12 +153,15 @@ class _Run:
         quality: str,
         order: int | None,
         rays: int | None,
-        bounces: int | None,
+        bounces: int | str | None,
         seed: int,
         tolerance: float | None,
         seconds: float | None,
         plan: Plan | None,
         sampling: SamplingRate | None,
+        fill_inside: bool,
+        operator: str,
+        hours: float,
         threads: int | None,
         checkpoint: str | Path | None,
         track: Track,
@@ -147,11 +169,17 @@ class _Run:
     ) -> None:
         if threads is not None and threads < 1:
             raise InputError(f"threads is {threads}: give 1 or more, or leave it out to use all {default_threads()}")
+        if operator not in OPERATORS:
+            raise InputError(f"operator is '{operator}': use one of {', '.join(OPERATORS)}")
+        if not hours > 0:
+            raise InputError(f"hours is {hours}: give a positive time, such as 1")
         if plan is not None:
             order = plan.order.value if order is None else order
             bounces = plan.bounces.value if bounces is None else bounces
         settings = BakeSettings.of(quality, order=order, rays=rays, bounces=bounces, seed=seed)
         self.scene, self.plan = scene, plan
+        self.fill_inside, self.operator = fill_inside, operator
+        self.hours = hours if seconds is None else math.inf
         self.threads = threads or default_threads()
         self.folder = Path(checkpoint) if checkpoint is not None else None
         self.track = track
@@ -181,6 +209,10 @@ class _Run:
         surfaces = Surfaces.of(self.scene)
         receivers = surfaces.receivers if receivers is None else receivers
         if self.shadows:
+            with self.timed("estimating"):
+                operator = choose_operator(
+                    self.scene, self.settings, receivers, self.operator, hours=self.hours, threads=self.threads
+                )
             with self.timed("acceleration structure"):
                 mesh = TriangleMesh(surfaces.positions, surfaces.faces, threads=self.threads)
             transport = trace_transport(
@@ -193,6 +225,8 @@ class _Run:
                 folder=folder or self.folder,
                 track=self.track,
                 report=self.report,
+                store_operator=operator == "stored",
+                fill_inside=self.fill_inside,
             )
         else:
             direct = open_transfer(receivers.normals, self.settings.order).float()[:, None]
@@ -215,16 +249,18 @@ class _Run:
 
     def bake_free(self, receivers: Receivers) -> Transfer:
         """Transfer of free receivers: their last bounce gathers what the scene's own vertices reflect."""
-        if self.settings.bounces == 0:
+        bounces = self.settings.bounces
+        if bounces == 0:
             return self.trace(receivers).transfer()
-        before = self.trace().transfer(self.settings.bounces - 1, channels=self.channels)
+        before = self.trace().transfer(bounces if bounces == CONVERGED else bounces - 1, channels=self.channels)
         transport = self.trace(receivers, None if self.folder is None else self.folder / "receivers")
         with self.timed("interreflection"):
             albedo = before.receivers.albedo
             if self.channels == 1 or bool((albedo == albedo[:, :1]).all()):
                 albedo = albedo.mean(1, keepdim=True)
             gathered = transport.operator.gather(albedo[:, :, None] * before.diffuse)
-            return transport.as_transfer(transport.direct + gathered, self.settings.bounces)
+            ended = {k: v for k, v in before.certificate.items() if k.startswith("convergence")}
+            return transport.as_transfer(transport.direct + gathered, before.settings["bounces"] + 1, findings=ended)
 
     def certified(self, transfer: Transfer) -> Transfer:
         """With the plan, and with the error that the sampling stands for."""
@@ -235,6 +271,7 @@ class _Run:
                 certificate["estimated_error"] = certificate["noise_relative"] * self.sampling.correction
             self.report["sampling"] = self.sampling.as_dict()
         self.report["errors"] = certificate
-        self.report["counts"] |= {"channels": transfer.channels, "bytes": transfer.nbytes}
+        counts = {"channels": transfer.channels, "bytes": transfer.nbytes, "bounces": transfer.settings["bounces"]}
+        self.report["counts"] |= counts
         plan = {} if self.plan is None else self.plan.as_dict()
         return replace(transfer, certificate=certificate, plan=plan)

@@ -24,7 +24,7 @@ class DirectTracer:
         mesh: what occludes.
         receivers: where transfer is wanted.
         pattern: directions, one row per receiver.
-        order: SH bands.
+        order: SH bands; 0 for hits alone.
         source_of_corner: int64 [F, 3], see `rows_from_hits`; None when no bounce is wanted.
         sources: number of sources.
     """
@@ -41,7 +41,7 @@ class DirectTracer:
         self.count, self.rays, self.sources = len(receivers), len(pattern.spiral), sources
         self.source_of_corner = source_of_corner
         self.size = max(1, min(4096, _RAYS_PER_CHUNK // self.rays))
-        tables = sh.recurrence_tables(order, torch.float32)
+        tables = sh.recurrence_tables(order, torch.float32) if order else ()
         origins = receivers.origins(mesh.ray_offset())
         self._tracer = HemisphereTracer(mesh, origins, receivers.normals, pattern, order, tables)
 

