@@ -20,7 +20,9 @@ import torch
 
 from diffprt.errors import InputError
 
+# Of lights and transfer, and of the products of two of them.
 MAXIMUM_ORDER = 10
+PRODUCT_ORDER = 2 * MAXIMUM_ORDER - 1
 
 
 class RecurrenceTables(NamedTuple):
@@ -31,18 +33,18 @@ class RecurrenceTables(NamedTuple):
     b: torch.Tensor
 
 
-def check_order(order: int) -> int:
-    """`order` as a plain int in 1..10.
+def check_order(order: int, *, most: int = MAXIMUM_ORDER) -> int:
+    """`order` as a plain int in 1..`most`.
 
     Raises:
-        InputError: `order` is not a whole number or lies outside 1..10.
+        InputError: `order` is not a whole number or lies outside 1..`most`.
     """
     try:
         whole = operator.index(order)
     except TypeError:
-        raise InputError(f"order {order!r} is not a whole number: give order=1 to order={MAXIMUM_ORDER}") from None
-    if not 1 <= whole <= MAXIMUM_ORDER:
-        raise InputError(f"order {whole} is outside 1..{MAXIMUM_ORDER}: give order=1 to order={MAXIMUM_ORDER}")
+        raise InputError(f"order {order!r} is not a whole number: give order=1 to order={most}") from None
+    if not 1 <= whole <= most:
+        raise InputError(f"order {whole} is outside 1..{most}: give order=1 to order={most}")
     return whole
 
 
@@ -51,12 +53,12 @@ def coefficient_count(order: int) -> int:
     return check_order(order) ** 2
 
 
-def order_of_count(count: int) -> int:
-    """The order whose coefficient count is `count`. Raises InputError if `count` is not 1, 4, 9, ... 100."""
+def order_of_count(count: int, *, most: int = MAXIMUM_ORDER) -> int:
+    """The order whose coefficient count is `count`. Raises InputError if `count` is not 1, 4, 9, ... `most`²."""
     order = math.isqrt(max(int(count), 0))
-    if order * order != count or not 1 <= order <= MAXIMUM_ORDER:
+    if order * order != count or not 1 <= order <= most:
         raise InputError(
-            f"{count} SH coefficients are not order² of an order in 1..{MAXIMUM_ORDER}: give 1, 4, 9, ... 100"
+            f"{count} SH coefficients are not order² of an order in 1..{most}: give 1, 4, 9, ... {most**2}"
         )
     return order
 
@@ -66,7 +68,7 @@ def band_of_index(order: int) -> torch.Tensor:
     return torch.tensor([l for l in range(check_order(order)) for _ in range(2 * l + 1)])
 
 
-@lru_cache(maxsize=MAXIMUM_ORDER)
+@lru_cache(maxsize=PRODUCT_ORDER)
 def _recurrence(order: int) -> tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
     """The tables of `recurrence_tables` as Python floats."""
     diagonal = [math.sqrt(1 / (4 * math.pi))]
@@ -98,15 +100,16 @@ def recurrence_tables(order: int, dtype: torch.dtype = torch.float64) -> Recurre
     The sign (-1)^m and the √2 of m > 0 are in `diagonal`.
 
     Args:
-        order: 1..10.
+        order: 1..19; beyond 10 for products.
         dtype: floating dtype of the tables; found in float64.
     Returns:
         `diagonal` [order], `a` [K] and `b` [K], K = order². Entries of `a` and `b` with m < 0 or m = l are 0
         and not used; `b` is 0 at l = m + 1.
     Raises:
-        InputError: order outside 1..10.
+        InputError: order outside 1..19.
     """
-    return RecurrenceTables(*(torch.tensor(table, dtype=dtype) for table in _recurrence(check_order(order))))
+    tables = _recurrence(check_order(order, most=PRODUCT_ORDER))
+    return RecurrenceTables(*(torch.tensor(table, dtype=dtype) for table in tables))
 
 
 def legendre(z: torch.Tensor, order: int) -> dict[tuple[int, int], torch.Tensor]:
@@ -131,14 +134,14 @@ def basis(directions: torch.Tensor, order: int) -> torch.Tensor:
         directions: float [..., 3], any floating dtype, unit length. Not normalised here: the polynomials are
             evaluated at what is given, so a length of 1 + 1e-7 changes values by about l * 1e-7 and never by
             NaN.
-        order: 1..10.
+        order: 1..19; beyond 10 for products.
     Returns:
         [..., K] of the dtype of `directions`. Gradients reach `directions`; they are those of the polynomial
         extension, of which only the part tangential to the sphere has a meaning.
     Raises:
-        InputError: order outside 1..10; `directions` not floating point or without a last axis of 3.
+        InputError: order outside 1..19; `directions` not floating point or without a last axis of 3.
     """
-    order = check_order(order)
+    order = check_order(order, most=PRODUCT_ORDER)
     if not directions.is_floating_point() or directions.shape[-1:] != (3,):
         raise InputError(f"directions are {directions.dtype} {list(directions.shape)}: give floating-point [..., 3]")
     x, y, z = directions.unbind(-1)

@@ -137,11 +137,9 @@ def test_indices():
 @pytest.mark.parametrize(
     "function",
     [
-        lambda n: sh.basis(torch.eye(3), n),
         sh.check_order,
         sh.coefficient_count,
         sh.band_of_index,
-        sh.recurrence_tables,
         lambda n: sh.rotation_matrices(torch.eye(3), n),
         lambda n: sh.window("hann", n),
         sh.clamped_cosine,
@@ -154,6 +152,20 @@ def test_indices():
 )
 def test_order_outside_the_range(function, order):
     with pytest.raises(InputError, match=rf"^order {order} is outside 1\.\.10: give order=1 to order=10[^\n]*$"):
+        function(order)
+
+
+def test_orthonormal_up_to_the_order_of_products():
+    directions, weights = sh.sphere_quadrature(36)
+    values = sh.basis(directions, 19)
+    gram = values.T @ (weights[:, None] * values)
+    assert float((gram - torch.eye(361, dtype=torch.float64)).abs().max()) < 1e-11
+
+
+@pytest.mark.parametrize("order", [0, -1, 20, 40])
+@pytest.mark.parametrize("function", [lambda n: sh.basis(torch.eye(3), n), sh.recurrence_tables])
+def test_order_beyond_products(function, order):
+    with pytest.raises(InputError, match=rf"^order {order} is outside 1\.\.19: give order=1 to order=19[^\n]*$"):
         function(order)
 
 
