@@ -42,16 +42,32 @@ class Pattern:
 
 @lru_cache(maxsize=8)
 def _spiral(rays: int) -> torch.Tensor:
-    """The spiral's table, ordered by halving the disc in turns along x and y until two points are left."""
+    """The spiral's table, ordered by halving the hemisphere across its longest axis until two points are left.
+
+    Across the principal axis of the directions, not of the disc under them: near the horizon a small step on the disc
+    is a wide angle, and narrow packets meet fewer boxes.
+    """
     index = np.arange(rays)
     angle = index * _GOLDEN_ANGLE
-    radius = np.sqrt((index + 0.5) / rays)
-    disc = np.stack([radius * np.cos(angle), radius * np.sin(angle)])
-    order, size, axis = index, 1 << max(rays - 1, 1).bit_length(), 0
+    square = (index + 0.5) / rays
+    radius = np.sqrt(square)
+    size = 1 << max(rays - 1, 1).bit_length()
+    # Places beyond the last direction stay at the end: they hold no number, and such sort last.
+    order = np.arange(size)
+    points = np.full((size, 3), np.nan)
+    points[:rays] = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.sqrt(1 - square)], axis=1)
     while size > 2:
-        order = order[np.lexsort((disc[axis, order], index // size))]
-        size, axis = size // 2, 1 - axis
-    return torch.from_numpy(np.stack([np.cos(angle), np.sin(angle), index], axis=1)[order]).float()
+        groups = points[order].reshape(-1, size, 3)
+        held = np.isfinite(groups)
+        centered = np.where(held, groups, 0.0)
+        centered = np.where(held, groups - centered.sum(1, keepdims=True) / held.sum(1, keepdims=True).clip(1), 0.0)
+        axes = np.linalg.eigh(centered.transpose(0, 2, 1) @ centered)[1][:, :, 2]
+        along = np.where(held[:, :, 0], np.einsum("gsk,gk->gs", centered, axes), np.nan)
+        ranks = np.argsort(along, axis=1, kind="stable")
+        order = np.take_along_axis(order.reshape(-1, size), ranks, axis=1).reshape(-1)
+        size //= 2
+    table = np.stack([np.cos(angle), np.sin(angle), index], axis=1)
+    return torch.from_numpy(table[order[order < rays]]).float()
 
 
 def tangent_frames(normals: torch.Tensor) -> torch.Tensor:
