@@ -59,16 +59,19 @@ while (depth > 0) {
     // Twice the volume of an edge and the ray, t x s . d = (t - s) x (t + s) . d / 2, see kernels/triangle_test.py
     auto volume = [&](int s, int t) {
       float g[3], m[3];
-      for (int k = 0; k < 3; k++) { g[k] = c[t + k] - c[s + k]; m[k] = r[t + k] + r[s + k]; }
-      slack += __builtin_fabsf(g[0]) + __builtin_fabsf(g[1]) + __builtin_fabsf(g[2]);
+      float edge = 0.0f, sum = 0.0f;
+      for (int k = 0; k < 3; k++) {
+        g[k] = c[t + k] - c[s + k]; m[k] = r[t + k] + r[s + k];
+        edge += __builtin_fabsf(g[k]); sum += __builtin_fabsf(m[k]);
+      }
+      slack = __builtin_fmaxf(slack, edge * sum);
       const float x = g[1] * m[2] - g[2] * m[1], y = g[2] * m[0] - g[0] * m[2], z = g[0] * m[1] - g[1] * m[0];
       return d[0] * x + d[1] * y + d[2] * z;
     };
     const float va = volume(3, 6), vb = volume(6, 0), vc = volume(0, 3), sum = va + vb + vc;
-    float reach = 0.0f, scale = 0.0f;
-    for (int k = 0; k < 9; k++) reach += __builtin_fabsf(r[k]);
+    float scale = 0.0f;
     for (int k = 0; k < 3; k++) scale = __builtin_fmaxf(scale, __builtin_fabsf(d[k]));
-    slack = __builtin_fminf(2e-7f * slack * reach * scale, 0.01f * __builtin_fabsf(sum));
+    slack = __builtin_fminf(2.5e-7f * slack * scale, 0.01f * __builtin_fabsf(sum));
     const float least = __builtin_fminf(va, __builtin_fminf(vb, vc));
     const float greatest = __builtin_fmaxf(va, __builtin_fmaxf(vb, vc));
     if (!(least >= -slack || greatest <= slack)) continue;

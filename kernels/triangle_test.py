@@ -18,8 +18,8 @@ auto seen_from_origin = [&](f4 x, f4 y, f4 z) {   // of the corners a, b, c
   auto length = [](f4 a, f4 b, f4 c) {
     return __builtin_elementwise_abs(a) + __builtin_elementwise_abs(b) + __builtin_elementwise_abs(c);
   };
-  const f4 edges = length(ex, ey, ez), sums = length(sx, sy, sz);
-  t.slack = 2e-7f * (edges[0] + edges[2]) * (sums[0] + sums[1]);
+  const f4 rounding = 2.5e-7f * length(ex, ey, ez) * length(sx, sy, sz);
+  t.slack = __builtin_fmaxf(rounding[0], __builtin_fmaxf(rounding[1], rounding[2]));
   t.normal[0] = ey[2] * ez[0] - ez[2] * ey[0];
   t.normal[1] = ez[2] * ex[0] - ex[2] * ez[0];
   t.normal[2] = ex[2] * ey[0] - ey[2] * ex[0];
