@@ -7,8 +7,11 @@ from dataclasses import dataclass, field
 import torch
 
 from diffprt import sh
+from diffprt.compress.encode import encoded_bytes
+from diffprt.compress.overdraw import overdraw
+from diffprt.compress.quantize import check_format
 from diffprt.errors import InputError
-from diffprt.transfer import Receivers, Transfer
+from diffprt.transfer import Receivers, Transfer, check_openness
 
 
 @dataclass(frozen=True)
@@ -22,7 +25,9 @@ class ClusteredTransfer:
         means: float [M, C, K].
         bases: float [M, P, C, K], orthonormal over (C, K); rows beyond a cluster's rank are zero.
         weights: float [V, P].
-        receivers, settings, plan, certificate, scene_hash: as in `Transfer`.
+        receivers, settings, plan, certificate, scene_hash, openness, bent_normals: as in `Transfer`.
+        weights_format, bases_format: "float32", "float16" or "uint8": the numbers above are what comes back from
+            storage in that format, with means stored as bases are.
     """
 
     labels: torch.Tensor
@@ -34,12 +39,19 @@ class ClusteredTransfer:
     plan: dict = field(default_factory=dict, compare=False)
     certificate: dict = field(default_factory=dict, compare=False)
     scene_hash: str = ""
+    openness: torch.Tensor | None = None
+    bent_normals: torch.Tensor | None = None
+    weights_format: str = "float32"
+    bases_format: str = "float32"
 
     def __post_init__(self) -> None:
+        check_openness(len(self.receivers), self.openness, self.bent_normals)
         count, (clusters, channels, coefficients) = len(self.receivers), self.means.shape
         if channels not in (1, 3):
             raise InputError(f"clustered transfer has {channels} channels: give 1 or 3")
         sh.order_of_count(coefficients)
+        check_format("weights_format", self.weights_format)
+        check_format("bases_format", self.bases_format)
         expected = {
             "labels": (count,),
             "bases": (clusters, self.bases.shape[1], channels, coefficients),
@@ -77,10 +89,12 @@ class ClusteredTransfer:
 
     @property
     def nbytes(self) -> int:
-        """Bytes of the signal: means, bases, weights and labels (one byte up to 256 clusters, else two)."""
-        label_bytes = 1 if self.clusters <= 256 else 2 if self.clusters <= 65536 else 4
-        floats = self.means.numel() + self.bases.numel() + self.weights.numel()
-        return floats * self.means.element_size() + self.labels.numel() * label_bytes
+        """Bytes of the signal as stored: means, bases, weights and labels."""
+        return encoded_bytes(self.labels, self.means, self.bases, self.weights, self.weights_format, self.bases_format)
+
+    def overdraw(self, faces: torch.Tensor | None = None) -> float:
+        """Average triangle overdraw (thesis 2005, equation 8) over `faces` int64 [F, 3], the receivers' own without."""
+        return overdraw(self.labels, self.receivers.faces if faces is None else faces)
 
     def decode(self) -> Transfer:
         """The transfer that the compressed form stands for; gradients reach means, bases and weights."""
@@ -92,4 +106,6 @@ class ClusteredTransfer:
             self.plan,
             self.certificate,
             self.scene_hash,
+            self.openness,
+            self.bent_normals,
         )

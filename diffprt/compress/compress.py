@@ -7,12 +7,11 @@ import time
 import torch
 
 from diffprt.compress.clustered import ClusteredTransfer
-from diffprt.compress.lbg import lbg
-from diffprt.compress.pca import cluster_pca
-from diffprt.errors import InputError
+from diffprt.compress.encode import encode, squared_errors
+from diffprt.compress.overdraw import overdraw
+from diffprt.compress.prior import check_prior
+from diffprt.compress.superclusters import clusters_per_pass, super_clusters
 from diffprt.transfer import Transfer
-
-METHODS = ("lbg",)
 
 
 def compress(
@@ -20,7 +19,14 @@ def compress(
     *,
     clusters: int = 64,
     components: int = 8,
-    method: str = "lbg",
+    method: str | None = None,
+    coherence: float | None = None,
+    slack: float = 0.1,
+    registers: int | None = None,
+    prior: torch.Tensor | None = None,
+    weights_format: str = "float32",
+    bases_format: str = "float32",
+    start: str = "k-means++",
     seed: int = 0,
     iterations: int = 50,
     report: dict | None = None,
@@ -33,90 +39,112 @@ def compress(
         transfer: what `bake` returns.
         clusters: M, at most; clusters beyond the number of distinct signals are dropped and reported.
         components: P per cluster.
-        method: "lbg": clusters around means first, components afterwards (thesis 2005, section 3.1).
+        method: one of `METHODS`; without, the best one: "k-subspaces-overdraw" on meshes, "k-subspaces" on points.
+        coherence: how much overdraw counts, in the method's own unit (see `cluster`); chosen when not given.
+        slack: how far above the least error the choice may go, as a share.
+        registers: float4 registers of a display that draws in passes; super-clusters that fit are then formed while
+            clustering, and the triangles between them are what is spared first.
+        prior: float [K], mean square of each light coefficient (`light_prior`): errors are then weighed as such
+            lights show them, and the unweighted error is a little higher.
+        weights_format, bases_format: "float32", "float16" or "uint8", per cluster and component.
+        start: "k-means++" or the thesis's "hyper-box".
         seed: of the start.
-        iterations: at most this many rounds of clustering.
+        iterations: at most this many rounds of clustering, and of subspaces after it.
         report: filled with timings, counts and errors.
 
     Returns:
-        `ClusteredTransfer`; `decode()` is differentiable, the clustering itself is not.
+        `ClusteredTransfer`; `decode()` is differentiable, the clustering itself is not. The certificate's errors are
+        unweighted whatever the prior.
 
     Raises:
         InputError: an option is out of range.
     """
-    if not 1 <= clusters <= 65536:
-        raise InputError(f"clusters is {clusters}: give 1 to 65536, such as 64")
-    size = transfer.diffuse[0].numel()
-    if not 0 <= components <= min(size, 64):
-        raise InputError(f"components is {components}: give 0 to {min(size, 64)}, such as 8")
-    if method not in METHODS:
-        raise InputError(f"method '{method}' is unknown: use one of {', '.join(METHODS)}")
-    if iterations < 1:
-        raise InputError(f"iterations is {iterations}: give 1 or more, such as 50")
-    vectors = transfer.diffuse.detach().reshape(len(transfer.receivers), -1)
     begun = time.perf_counter()
-    partition = lbg(vectors, clusters, seed=seed, iterations=iterations)
-    clustered = time.perf_counter()
-    found = len(partition.centers)
-    means, bases, weights = cluster_pca(vectors, partition.labels, found, components)
-    finished = time.perf_counter()
-    shape = transfer.diffuse.shape[1:]
+    vectors = transfer.diffuse.detach().reshape(len(transfer.receivers), -1)
+    faces, shape = transfer.receivers.faces, transfer.diffuse.shape[1:]
+    weights = None
+    if prior is not None:
+        prior = check_prior(prior, shape[-1])
+        weights = prior.expand(shape).reshape(-1)
+    per_pass = None
+    if registers is not None:
+        per_pass = clusters_per_pass(registers, components, channels=transfer.channels)
+    encoded = encode(
+        vectors,
+        clusters=clusters,
+        components=components,
+        method=method,
+        positions=transfer.receivers.positions,
+        faces=faces,
+        coherence=coherence,
+        slack=slack,
+        per_pass=per_pass,
+        prior=weights,
+        weights_format=weights_format,
+        bases_format=bases_format,
+        start=start,
+        seed=seed,
+        iterations=iterations,
+    )
+    found = len(encoded.means)
+    squared = squared_errors(vectors, encoded)
+    options = {
+        "clusters": clusters,
+        "components": components,
+        "method": encoded.method,
+        "seed": seed,
+        "start": start,
+        "weights_format": weights_format,
+        "bases_format": bases_format,
+        "coherence": encoded.counts.get("coherence"),
+        "registers": registers,
+        "prior": None if prior is None else prior.tolist(),
+    }
     compressed = ClusteredTransfer(
-        labels=partition.labels,
-        means=means.reshape(found, *shape),
-        bases=bases.reshape(found, components, *shape),
-        weights=weights,
+        labels=encoded.labels,
+        means=encoded.means.reshape(found, *shape),
+        bases=encoded.bases.reshape(found, components, *shape),
+        weights=encoded.weights,
         receivers=transfer.receivers,
-        settings={
-            **transfer.settings,
-            "compress": {"clusters": clusters, "components": components, "method": method, "seed": seed},
-        },
+        settings={**transfer.settings, "compress": options},
         plan=transfer.plan,
-        certificate={
-            **transfer.certificate,
-            **compression_error(transfer.diffuse, means, bases, weights, partition.labels),
-        },
+        certificate={**transfer.certificate, **compression_error(vectors, squared)},
         scene_hash=transfer.scene_hash,
+        openness=transfer.openness,
+        bent_normals=transfer.bent_normals,
+        weights_format=weights_format,
+        bases_format=bases_format,
     )
     if report is not None:
-        report["timings"] = {
-            "clustering": clustered - begun,
-            "components": finished - clustered,
-            "total": finished - begun,
-        }
+        report["timings"] = {**encoded.timings, "total": time.perf_counter() - begun}
         report["counts"] = {
             "clusters": found,
-            "clusters_dropped": clusters - found,
             "components": components,
-            "iterations": partition.iterations,
+            **encoded.counts,
             "bytes": compressed.nbytes,
             "bytes_before": transfer.nbytes,
         }
+        if len(faces):
+            report["counts"]["overdraw"] = overdraw(encoded.labels, faces)
+        if len(faces) and per_pass is not None:
+            grouped = super_clusters(encoded.labels, faces, per_pass)
+            report["counts"] |= {"passes": grouped.passes, "overdraw_super_clusters": grouped.overdraw}
         report["errors"] = {k: v for k, v in compressed.certificate.items() if k.startswith("compression")}
+        if weights is not None:
+            weighted = float(squared_errors(vectors, encoded, weights).mean())
+            report["errors"]["compression_squared_error_weighted"] = weighted
     return compressed
 
 
-def compression_error(
-    signal: torch.Tensor,
-    means: torch.Tensor,
-    bases: torch.Tensor,
-    weights: torch.Tensor,
-    labels: torch.Tensor,
-) -> dict:
-    """How far the compressed form [over D = C K] is from `signal` [V, C, K].
+def compression_error(vectors: torch.Tensor, squared: torch.Tensor) -> dict:
+    """What squared errors [V] mean beside the signal `vectors` [V, D].
 
     Returns:
         `compression_squared_error` (mean over receivers of the squared distance, as in the thesis's tables),
         `compression_relative` (root of its share of the signal's energy) and `compression_worst` (largest
         distance of a receiver over the signal's root mean square).
     """
-    truth = signal.detach().reshape(len(signal), -1).double()
-    squared = torch.empty(len(truth), dtype=torch.float64)
-    for rows in torch.arange(len(truth)).split(4096):
-        own = labels[rows]
-        decoded = means[own].double() + torch.einsum("vp,vpd->vd", weights[rows].double(), bases[own].double())
-        squared[rows] = (truth[rows] - decoded).square().sum(1)
-    energy = float(truth.square().sum(1).mean())
+    energy = float(vectors.detach().square().sum(1, dtype=torch.float64).mean())
     scale = energy**0.5 or 1.0
     return {
         "compression_squared_error": float(squared.mean()),

@@ -1,0 +1,149 @@
+"""The ways to partition receivers, by name."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+
+import torch
+
+from diffprt.compress.anneal import anneal
+from diffprt.compress.cohere import cohere
+from diffprt.compress.corners import Corners
+from diffprt.compress.geometry import lbg_coherent
+from diffprt.compress.k_subspaces import k_subspaces
+from diffprt.compress.lbg import lbg
+from diffprt.compress.partition import Partition, canonical
+from diffprt.compress.reclassify import reclassify
+from diffprt.compress.span import principal_span
+from diffprt.compress.subspaces import fit_subspaces
+from diffprt.errors import InputError
+
+METHODS = {
+    "lbg": "clusters around means, components afterwards: original CPCA (Sloan et al. 2003; thesis 2005)",
+    "lbg-reclassified": "then receivers join a neighbor's cluster where the error permits (Sloan et al. 2003)",
+    "lbg-coherent": "the same with geometry coherence (thesis 2005, equation 9)",
+    "lbg-coherent-reclassified": "both",
+    "k-subspaces": "clusters around what their components span",
+    "k-subspaces-soft": "the same, annealed from soft to hard with a price on expected overdraw",
+    "k-subspaces-potts": "the same with a price on mesh edges between clusters",
+    "k-subspaces-overdraw": "the same with a price on overdraw itself (thesis 2005, equation 8)",
+}
+_ON_MESH = {name for name in METHODS if name.endswith(("-reclassified", "-soft", "-potts", "-overdraw"))}
+_ALPHA, _SOFT_PRICE = 0.05, 0.5
+_BELOW_LBG = 0.95
+_ROUNDS_BEFORE_MESH = 8
+_REMAINDER = 1e-3
+
+
+@dataclass(frozen=True)
+class Clustering:
+    """What a method found.
+
+    Attributes:
+        labels: int64 [V], in [0, M); no cluster is empty.
+        iterations: rounds of clustering.
+        coherence: the weight of coherence that was used, None where the method has none.
+        timings: seconds of each step.
+    """
+
+    labels: torch.Tensor
+    iterations: int
+    coherence: float | None
+    timings: dict[str, float] = field(default_factory=dict)
+
+
+def best_method(faces: torch.Tensor | None) -> str:
+    """The method that `compress` uses when none is named: what needs a mesh is not for points."""
+    return "k-subspaces" if faces is None or len(faces) == 0 else "k-subspaces-overdraw"
+
+
+def cluster(
+    vectors: torch.Tensor,
+    method: str,
+    *,
+    clusters: int,
+    components: int,
+    positions: torch.Tensor | None = None,
+    faces: torch.Tensor | None = None,
+    coherence: float | None = None,
+    slack: float = 0.1,
+    per_pass: int | None = None,
+    start: str = "k-means++",
+    seed: int = 0,
+    iterations: int = 50,
+) -> Clustering:
+    """Partitions receivers by their signals.
+
+    Args:
+        vectors: float [V, D], the signal of each receiver.
+        method: one of `METHODS`.
+        clusters: M, at most.
+        components: P that will be kept per cluster.
+        positions: float [V, 3], for geometry coherence.
+        faces: int64 [F, 3], for methods that look at overdraw.
+        coherence: how much overdraw counts: alpha of equation 9 (thesis: 0.05, the default) for "lbg-coherent"; for
+            "lbg-reclassified" the growth of a receiver's error that is permitted, in mean squared errors (0.5); for
+            "-soft" (0.5), "-potts" and "-overdraw" the price of a triangle drawn again, in mean squared errors; for
+            the last two by default the highest with an error near the least one and below that of "lbg".
+        slack: how near, as a share.
+        per_pass: as in `cohere`.
+        start, seed, iterations: as in `lbg`.
+
+    Raises:
+        InputError: the method is unknown, needs faces or positions that are not there, or an option is out of range.
+    """
+    if method not in METHODS:
+        raise InputError(f"method '{method}' is unknown: use one of {', '.join(METHODS)}")
+    if method in _ON_MESH and (faces is None or len(faces) == 0):
+        raise InputError(f"method '{method}' needs triangles, these receivers have 0: use k-subspaces or lbg")
+    if "coherent" in method and positions is None:
+        raise InputError(f"method '{method}' needs positions [V, 3]: give them, or use lbg")
+    if coherence is not None and not 0 <= coherence < float("inf"):
+        raise InputError(f"coherence is {coherence}: give 0 or more, such as 0.5")
+    begun = time.perf_counter()
+    span = principal_span(vectors, remainder=_REMAINDER, seed=seed)
+    spanned = time.perf_counter()
+    options = {"start": start, "seed": seed, "iterations": iterations}
+    found: Partition
+    if "coherent" in method:
+        coherence = _ALPHA if coherence is None else coherence
+        found = lbg_coherent(span.coordinates, positions, clusters, alpha=coherence, **options)
+    else:
+        found = lbg(span.coordinates, clusters, **options)
+    started = time.perf_counter()
+    timings = {"span": spanned - begun, "lbg": started - spanned}
+    labels, rounds = found.labels, found.iterations
+    if method.endswith("-reclassified"):
+        subspaces = fit_subspaces(span.coordinates, labels, len(found.centers), components)
+        corners = Corners.of(faces, len(vectors))
+        permitted = {} if coherence is None or "coherent" in method else {"tolerance": coherence}
+        labels = reclassify(span.coordinates, labels, subspaces, corners, **permitted)
+        timings["reclassification"] = time.perf_counter() - started
+    if method.startswith("k-subspaces"):
+        first_rounds = min(iterations, _ROUNDS_BEFORE_MESH) if method in _ON_MESH else iterations
+        first = k_subspaces(span.coordinates, labels, components, iterations=first_rounds)
+        labels, rounds = first.labels, rounds + first.iterations
+        timings["subspaces"] = time.perf_counter() - started
+        started = time.perf_counter()
+        if method.endswith("-soft"):
+            coherence = _SOFT_PRICE if coherence is None else coherence
+            labels = anneal(span.coordinates, labels, faces, first.subspaces, price=coherence)
+            timings["annealing"] = time.perf_counter() - started
+        elif method in _ON_MESH:
+            fitted = fit_subspaces(span.coordinates, found.labels, len(found.centers), components)
+            error = float(fitted.own(span.coordinates, found.labels).double().mean())
+            coherent = cohere(
+                span.coordinates,
+                labels,
+                faces,
+                first.subspaces,
+                price=coherence,
+                limit=_BELOW_LBG * error,
+                slack=slack,
+                per_pass=per_pass,
+                edges=method.endswith("-potts"),
+            )
+            labels, coherence = coherent.labels, coherent.price
+            timings["coherence"] = time.perf_counter() - started
+    return Clustering(canonical(labels)[0], rounds, coherence, timings)
