@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
+import numpy as np
 import torch
 import warp as wp
 
@@ -86,8 +87,9 @@ class HemisphereTracer:
         count = len(rows)
         stride = self.stride if hits else 0
         sums = torch.empty(2, count, self.order**2)
-        face = torch.empty(count, stride, dtype=torch.int32)
-        weights = torch.empty(count, stride, 2)
+        # Not by torch: between its aligned blocks the C library leaves gaps, so that memory grows with every chunk.
+        face = torch.from_numpy(np.empty((count, stride), np.int32))
+        weights = torch.from_numpy(np.empty((count, stride, 2), np.float32))
         blocked = torch.empty(count, dtype=torch.int32)
         wp.launch(
             trace_hemispheres,

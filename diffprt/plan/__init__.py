@@ -6,12 +6,13 @@ The room stands between `scene` and `transfer`, and uses only rays: `transfer` o
 
     sqrt(mean_v |T_planned(v) - T_full(v)|²) / sqrt(mean_v |T_full(v)|²)
 
-over receivers v, with |.| over SH coefficients and channels, at the same order; "full" has shadows, every bounce
-and three channels. What is left out of shadows, bounces and colours together stays below the tolerance: where
-shadows are off, nothing else is simulated and they have all of it; where they are on, bounces have all of it in
-a gray scene, and bounces and colours half each in a coloured one. The order has a measure of its own, with the
-same tolerance: the relative RMS difference of the shaded radiance (before the receiver's own albedo) over
-receivers and over all turns of the light, against the order of the light that was given.
+over receivers v, with |.| over SH coefficients and channels, at the same order; "full" has shadows, every
+bounce and three channels. The two sides of a translucent vertex count as two receivers. What is left out of
+shadows, bounces and colours together stays below the tolerance: where shadows are off, nothing else is
+simulated and they have all of it; where they are on, bounces have all of it in a gray scene, and bounces and
+colours half each in a coloured one. The order has a measure of its own, with the same tolerance: the relative
+RMS difference of the shaded radiance (before the receiver's own albedo) over receivers and over all turns of
+the light, against the order of the light that was given.
 
 Statements from pilot rays hold at one-sided 95 % confidence. A smaller tolerance never removes an effect: the
 same rays are used at every tolerance, and each bound is compared with a fixed share of it.

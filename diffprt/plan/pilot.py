@@ -60,7 +60,7 @@ class Pilot:
 
     Args:
         geometry: all meshes of the scene.
-        receives: bool [V]; other vertices only block light.
+        receives: bool [V]; other vertices only block light. Backs of translucent vertices receive by themselves.
     """
 
     def __init__(self, geometry: Geometry, receives: torch.Tensor) -> None:
@@ -131,7 +131,7 @@ class Pilot:
             bounds = corner_weights.cumsum(1)
             corner = (pick >= bounds[:, 0]).long() + (pick >= bounds[:, 1]).long()
             face = face.long().clamp_min(0)
-            vertex = self.geometry.faces[face, corner]
+            vertex = self._some_side(self.geometry.faces[face, corner], generator)
             front = (self.face_normals[face] * directions).sum(1) < 0
             weight = weight * self.albedo[vertex]
             go_on = ~sky & front & self.receives[vertex] & (weight.amax(1) > _DARK)
@@ -152,6 +152,14 @@ class Pilot:
             tint=_pair_square(spread, owner, count, each)[:, color],
             power=self._power(starts, owner, each, first, hit, escape, escape_weight[:, color]),
         )
+
+    def _some_side(self, vertex: torch.Tensor, generator: torch.Generator) -> torch.Tensor:
+        """The side from which a walk goes on: of translucent vertices the back, with the share that comes through."""
+        back, through = self.geometry.back_of_vertex, self.geometry.transmission
+        if back is None:
+            return vertex
+        passes = torch.rand(len(vertex), generator=generator) < through[vertex]
+        return torch.where(passes, back[vertex], vertex)
 
     def _power(
         self,

@@ -55,6 +55,8 @@ def plan(
         raise InputError(f"scene '{scene.name}' has no triangles: load a mesh with faces")
     if not bool(receives.any()):
         raise InputError(f"scene '{scene.name}' has only occluders: it needs a mesh that is not occluder-only")
+    if bool(geometry.transmission.any()):
+        geometry, receives = geometry.with_backs(), torch.cat([receives, receives[geometry.transmission > 0]])
     tensors = (geometry.positions, geometry.normals, geometry.faces, receives)
     proof = prove_open(*(t.numpy() for t in tensors))
     with _one_torch_thread():

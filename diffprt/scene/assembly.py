@@ -10,14 +10,16 @@ from diffprt.scene.checks import DefectReport, check_mesh
 from diffprt.scene.material import Material
 from diffprt.scene.mesh import Mesh
 from diffprt.scene.parts import Parts
+from diffprt.scene.resolution import offset_remark
 
 
 def assembled(
-    parts: Parts, *, non_finite: str = "refuse", winding: str = "repair"
+    parts: Parts, *, name: str, non_finite: str = "refuse", winding: str = "repair"
 ) -> tuple[tuple[Mesh, ...], tuple[Material, ...], DefectReport]:
     """Meshes after the documented repairs, their materials, and the sum of the reports.
 
-    Parts without faces are left out beside others, with a remark. Options as in `diffprt.scene.checks`.
+    Parts without faces are left out beside others, with a remark. `name` is the scene's, for messages; other options
+    are as in `diffprt.scene.checks`.
     """
     meshes, reports, notes = [], [], list(parts.notes)
     for part in parts.parts:
@@ -42,6 +44,9 @@ def assembled(
             Mesh.create(positions, faces, normals, uv=uv, colors=colors, material=part.material, name=part.name)
         )
         reports.append(report)
+    corners = [extreme for mesh in meshes for extreme in (mesh.positions.amin(0), mesh.positions.amax(0))]
+    if remark := offset_remark(np.min(corners, axis=0), np.max(corners, axis=0), name):
+        notes.append(remark)
     total = reports[0]
     for report in reports[1:]:
         total = total + report

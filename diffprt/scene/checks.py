@@ -8,6 +8,7 @@ import numpy as np
 
 from diffprt.errors import InputError
 from diffprt.scene.normals import position_groups, smooth_normals
+from diffprt.scene.resolution import unresolved_faces
 from diffprt.scene.winding import Topology, flipped, inward_components, topology
 
 SLIVER_ANGLE = 1.0
@@ -16,6 +17,7 @@ _ZERO_HEIGHT = 1e-9
 POLICY = {
     "non_finite_vertices": "refused; with non_finite='drop' moved to the centroid, their faces dropped",
     "out_of_range_indices": "refused",
+    "unresolved_faces": "kept (edges of less than 4 steps of 32-bit coordinates); refused where they are most",
     "degenerate_faces": "dropped (a repeated corner, or no area)",
     "duplicate_faces": "dropped after the first (the same three vertices, any winding)",
     "coincident_faces": "kept (other vertices at the same three positions); they occlude like one",
@@ -52,6 +54,7 @@ class DefectReport:
     components: int = 0
     non_finite_vertices: int = 0
     out_of_range_indices: int = 0
+    unresolved_faces: int = 0
     degenerate_faces: int = 0
     duplicate_faces: int = 0
     coincident_faces: int = 0
@@ -117,14 +120,17 @@ def check_mesh(
         positions float32, faces int64, normals (None stays None) and the report.
 
     Raises:
-        InputError: no vertices, no faces (also none left), non-finite vertices, indices out of range.
+        InputError: no vertices, no faces (also none left), non-finite vertices, indices out of range, coordinates
+            too large for the size of the faces.
     """
     if non_finite not in ("refuse", "drop") or winding not in ("repair", "keep"):
         raise InputError(
             f"mesh '{name}' is loaded with non_finite='{non_finite}', winding='{winding}': "
             "give 'refuse' or 'drop', and 'repair' or 'keep'"
         )
-    positions, faces = np.array(positions, dtype=np.float32), np.array(faces, dtype=np.int64)
+    exact, faces = np.array(positions, dtype=np.float64), np.array(faces, dtype=np.int64)
+    with np.errstate(over="ignore"):
+        positions = exact.astype(np.float32)
     if len(positions) == 0 or len(faces) == 0:
         raise InputError(
             f"mesh '{name}' has {len(positions)} vertices and {len(faces)} faces: give a mesh with triangles"
@@ -147,6 +153,9 @@ def check_mesh(
         faces = faces[~broken[faces].any(axis=1)]
         whole = positions[~broken].astype(np.float64)
         positions[broken] = whole.mean(axis=0) if len(whole) else 0
+    found["unresolved_faces"], lost = unresolved_faces(exact, faces)
+    if lost:
+        raise InputError(f"mesh '{name}' has {lost}")
 
     degenerate, sliver = _thin_faces(positions, faces)
     found |= {"degenerate_faces": int(degenerate.sum()), "sliver_faces": int(sliver.sum())}

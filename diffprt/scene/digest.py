@@ -24,6 +24,8 @@ def scene_digest(meshes: Sequence[Mesh], materials: Sequence[Material]) -> str:
         digest.update(material.brdf.encode())
         _update(digest, material.albedo)
         _update(digest, material.albedo_texture)
+        if material.transmission:
+            digest.update(f"transmission {material.transmission!r}".encode())
     return digest.hexdigest()
 
 

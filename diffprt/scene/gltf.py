@@ -21,7 +21,8 @@ def read_gltf(path: Path) -> Parts:
     """Reads a .gltf or .glb file: a part per node and primitive, in the order of the file's meshes.
 
     Node transforms are applied; baseColorFactor (linear), baseColorTexture (sRGB) and COLOR_0 (linear)
-    make the albedo. Skins, morph targets and texture transforms are left out.
+    make the albedo; KHR_materials_diffuse_transmission makes surfaces translucent, by its factor, in the color of the
+    albedo. Skins, morph targets and texture transforms are left out.
     """
     header = _header(path)
     with path.open("rb") as file:
@@ -41,7 +42,15 @@ def read_gltf(path: Path) -> Parts:
     for index, described in enumerate(header.get("materials", [])):
         factor = described.get("pbrMetallicRoughness", {}).get("baseColorFactor", [1.0, 1.0, 1.0])[:3]
         texture = texture_from_picture(pictures[index]) if index in pictures else None
-        material = Material(tuple(factor), albedo_texture=texture, name=described.get("name", f"material {index}"))
+        through = described.get("extensions", {}).get("KHR_materials_diffuse_transmission", {})
+        if "diffuseTransmissionTexture" in through or "diffuseTransmissionColorTexture" in through:
+            result.notes.append(f"material {index} has textures of diffuse transmission: left out")
+        material = Material(
+            tuple(factor),
+            albedo_texture=texture,
+            name=described.get("name", f"material {index}"),
+            transmission=through.get("diffuseTransmissionFactor", 0.0),
+        )
         index_of[index] = result.material(material)
 
     world = {loaded["base_frame"]: np.eye(4)}

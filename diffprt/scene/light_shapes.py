@@ -35,7 +35,7 @@ def directional_light(
     Raises:
         InputError: zero or non-finite direction; negative or non-finite irradiance.
     """
-    values = sh.basis(_direction(direction), order)
+    values = sh.basis(_direction(direction), sh.check_order(order))
     return _light(values, _color(irradiance_rgb, "irradiance"), dtype)
 
 

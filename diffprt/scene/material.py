@@ -20,17 +20,21 @@ class Material:
         albedo_texture: float32 [H, W, 3] linear in [0, 1], times `albedo`; None for a constant material.
         brdf: one of `BRDFS`.
         name: for messages.
+        transmission: in [0, 1], the share of what is reflected that leaves on the other side of the surface instead: a
+            thin translucent sheet, such as a leaf or paper. Both sides together send out `albedo` of what arrives.
 
-    Gradients reach `albedo` and `albedo_texture` through `sample`.
+    Gradients reach `albedo` and `albedo_texture` through `sample`; `transmission` has none.
 
     Raises:
-        InputError: an albedo outside [0, 1] or not a number, an unknown BRDF, a texture of another shape.
+        InputError: an albedo or transmission outside [0, 1] or not a number, an unknown BRDF, a texture of another
+            shape.
     """
 
     albedo: torch.Tensor
     albedo_texture: torch.Tensor | None = None
     brdf: str = "lambert"
     name: str = ""
+    transmission: float = 0.0
 
     def __post_init__(self) -> None:
         if self.brdf not in BRDFS:
@@ -42,6 +46,13 @@ class Material:
             raise InputError(f"material '{self.name}' has albedo of shape {tuple(albedo.shape)}: give three numbers")
         object.__setattr__(self, "albedo", albedo)
         _check_range(albedo, f"material '{self.name}' has albedo {[round(x, 6) for x in albedo.tolist()]}")
+        transmission = float(self.transmission)
+        if not 0 <= transmission <= 1:
+            raise InputError(
+                f"material '{self.name}' has transmission {transmission:g}: give the share of what is reflected that "
+                "goes through, in [0, 1]"
+            )
+        object.__setattr__(self, "transmission", transmission)
         texture = self.albedo_texture
         if texture is not None:
             if texture.ndim != 3 or texture.shape[2] != 3 or texture.numel() == 0:

@@ -82,6 +82,17 @@ class Parts:
         matrix[:3, :3] = _TO_Y_UP[up]
         return replace(self, parts=[part.placed(matrix) for part in self.parts], up="y")
 
+    def recentered(self) -> Parts:
+        """The parts moved, in 64-bit coordinates, so that the box around them has its center at the origin."""
+        points = np.concatenate([np.asarray(part.positions, dtype=np.float64).reshape(-1, 3) for part in self.parts])
+        points = points[np.isfinite(points).all(axis=1)]
+        if len(points) == 0:
+            return self
+        matrix = np.eye(4)
+        matrix[:3, 3] = -(points.min(axis=0) + points.max(axis=0)) / 2
+        note = f"moved by ({', '.join(f'{x:.9g}' for x in matrix[:3, 3])}) to the origin, as asked"
+        return replace(self, parts=[part.placed(matrix) for part in self.parts], notes=[*self.notes, note])
+
 
 def texture_from_bytes(data: bytes) -> torch.Tensor:
     """Linear RGB texture [H, W, 3] from the bytes of a PNG or JPEG file (sRGB)."""

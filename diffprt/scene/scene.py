@@ -47,7 +47,14 @@ class Scene:
                 raise InputError(f"mesh '{mesh.name}' has material {mesh.material}, of {len(self.materials)}: add it")
 
     @staticmethod
-    def load(path: str | Path, *, up: str | None = None, non_finite: str = "refuse", winding: str = "repair") -> Scene:
+    def load(
+        path: str | Path,
+        *,
+        up: str | None = None,
+        non_finite: str = "refuse",
+        winding: str = "repair",
+        recenter: bool = False,
+    ) -> Scene:
         """Loads .glb, .gltf, .obj, .ply, .stl, .usd, .usda, .usdc or .usdz, or "builtin:NAME".
 
         Args:
@@ -56,6 +63,8 @@ class Scene:
                 for USD the stage's own.
             non_finite: "refuse" non-finite vertices, or "drop" their faces.
             winding: "repair", or "keep" for rooms that are seen from within.
+            recenter: move the scene to the origin before its coordinates are rounded to 32 bits; a remark in
+                `defects` says by how much.
 
         Vertices keep the order of the file. `diffprt.scene.checks.POLICY` says what is repaired.
 
@@ -63,12 +72,13 @@ class Scene:
             InputError: the file is missing, unreadable, no mesh, or its mesh is refused.
         """
         if str(path).startswith(_BUILTIN):
-            if (up, non_finite, winding) != (None, "refuse", "repair"):
-                raise InputError(f"scene {path} is built in and sound: leave out up, non_finite and winding")
+            if (up, non_finite, winding, recenter) != (None, "refuse", "repair", False):
+                raise InputError(f"scene {path} is built in and sound: leave out up, non_finite, winding and recenter")
             return builtin_scene(str(path)[len(_BUILTIN) :])
         path = Path(path)
         parts = read_parts(path).turned_up(up)
-        meshes, materials, report = assembled(parts, non_finite=non_finite, winding=winding)
+        parts = parts.recentered() if recenter else parts
+        meshes, materials, report = assembled(parts, name=path.stem, non_finite=non_finite, winding=winding)
         return Scene(meshes, materials, path.stem, report)
 
     @staticmethod
@@ -80,13 +90,16 @@ class Scene:
         albedo: torch.Tensor | float | tuple = DEFAULT_ALBEDO,
         uv: torch.Tensor | np.ndarray | None = None,
         colors: torch.Tensor | np.ndarray | None = None,
+        transmission: float = 0.0,
         name: str = "mesh",
         non_finite: str = "refuse",
         winding: str = "repair",
+        recenter: bool = False,
     ) -> Scene:
         """A scene of one mesh from tensors or arrays: positions [V, 3], faces [F, 3], normals [V, 3].
 
-        `albedo` is a number or three, linear RGB, and receives gradients. The rest is as in `load`.
+        `albedo` is a number or three, linear RGB, and receives gradients; `transmission` is as in `Material`. The rest
+        is as in `load`.
         """
         arrays = [_plain(x) for x in (positions, faces, normals, uv, colors)]
         for what, values in zip(("positions", "faces"), arrays, strict=False):
@@ -94,8 +107,9 @@ class Scene:
                 raise InputError(f"mesh '{name}' has {what} of shape {values.shape}: give [N, 3]")
         if arrays[2] is not None and arrays[2].shape != arrays[0].shape:
             raise InputError(f"mesh '{name}' has normals of shape {arrays[2].shape}: give {arrays[0].shape}")
-        parts = Parts([Part(*arrays, name=name)], [Material(albedo, name=name)])
-        meshes, materials, report = assembled(parts, non_finite=non_finite, winding=winding)
+        parts = Parts([Part(*arrays, name=name)], [Material(albedo, transmission=transmission, name=name)])
+        parts = parts.recentered() if recenter else parts
+        meshes, materials, report = assembled(parts, name=name, non_finite=non_finite, winding=winding)
         return Scene(meshes, materials, name, report)
 
     @property
@@ -182,6 +196,7 @@ class Scene:
         offsets = np.cumsum([0, *counts[:-1]]).tolist()
         face_counts = [len(mesh.faces) for mesh in self.meshes]
         index = torch.arange(len(self.meshes))
+        transmissions = [0.0 if m.occluder_only else self.materials[m.material].transmission for m in self.meshes]
         return Geometry(
             positions=torch.cat([mesh.positions for mesh in self.meshes]),
             normals=torch.cat([mesh.normals for mesh in self.meshes]),
@@ -189,6 +204,7 @@ class Scene:
             mesh_of_vertex=torch.repeat_interleave(index, torch.tensor(counts)),
             mesh_of_face=torch.repeat_interleave(index, torch.tensor(face_counts)),
             albedo=torch.cat([mesh.vertex_albedo(self.materials) for mesh in self.meshes]),
+            transmission=torch.repeat_interleave(torch.tensor(transmissions), torch.tensor(counts)),
         )
 
     def hash(self) -> str:

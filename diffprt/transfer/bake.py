@@ -20,6 +20,7 @@ from diffprt.transfer.sampling_rate import SamplingRate, choose_rays
 from diffprt.transfer.settings import CONVERGED, BakeSettings
 from diffprt.transfer.signal import Transfer
 from diffprt.transfer.surfaces import Surfaces
+from diffprt.transfer.translucent import Sides
 from diffprt.transfer.transport import Track, Transport, timed, trace_transport, untracked
 
 
@@ -74,7 +75,8 @@ def bake(
         it asks for them; visibility is frozen. `trace` gives the form for many albedos.
 
     Raises:
-        InputError: an option is out of range; the bake would not fit into memory or into `hours`; light never leaves.
+        InputError: an option is out of range; the bake would not fit into memory or into `hours`; light never leaves;
+            the scene is too far from the origin for 32-bit coordinates.
         Interrupted: Ctrl-C; with a checkpoint nothing finished is lost.
     """
     run = _Run(
@@ -229,14 +231,17 @@ class _Run:
                 fill_inside=self.fill_inside,
             )
         else:
-            direct = open_transfer(receivers.normals, self.settings.order).float()[:, None]
+            sides = Sides.of(receivers)
+            normals = receivers.normals if sides is None else sides.traced.normals
+            direct = open_transfer(normals, self.settings.order).float()[:, None]
+            direct = direct if sides is None else sides.combined(direct)
             nothing = torch.zeros_like(direct)
             transport = Transport(receivers, direct, nothing, None, self.settings, self.scene.hash())
         self.report["counts"] |= {
             "threads": self.threads,
             "triangles": len(surfaces.faces),
             "receivers": len(receivers),
-            "rays": len(receivers) * self.settings.rays if self.shadows else 0,
+            "rays": receivers.sides * self.settings.rays if self.shadows else 0,
             "operator_entries": transport.operator.entries if transport.operator is not None else 0,
         }
         return transport

@@ -18,6 +18,7 @@ from diffprt.transfer.sampling import Pattern
 from diffprt.transfer.settings import CONVERGED, BakeSettings
 from diffprt.transfer.solve import direction_bytes
 from diffprt.transfer.surfaces import Surfaces
+from diffprt.transfer.translucent import Sides
 
 _PILOT_RAYS = 1 << 18
 _LARGEST_PILOT_PATTERN = 4096
@@ -87,6 +88,8 @@ def estimate_bake(
     structure_seconds = time.perf_counter() - begun
     pilot_rays = min(settings.rays, _LARGEST_PILOT_PATTERN)
     pilot = _spread(receivers, max(_PILOT_RAYS // pilot_rays, 16))
+    sides = Sides.of(pilot)
+    pilot = pilot if sides is None else sides.traced
     bounce = settings.reflects
     pattern = Pattern.create(pilot_rays, pilot.scramble(settings.seed, surfaces.positions.amin(0), surfaces.diagonal))
     corners = surfaces.source_of_corner.numpy() if bounce else None
@@ -99,9 +102,9 @@ def estimate_bake(
         trials.append(time.perf_counter() - begun)
     per_ray = min(trials) / (len(pilot) * pilot_rays)
 
-    total_rays = len(receivers) * settings.rays
+    total_rays = receivers.sides * settings.rays
     hit_share = len(rows.columns) / 3 / (len(pilot) * pilot_rays) if rows is not None else 0.0
-    entries = min(int(total_rays * hit_share * 3), len(receivers) * len(surfaces.receivers))
+    entries = min(int(total_rays * hit_share * 3), receivers.sides * len(surfaces.receivers))
     memory = {name: _memory(surfaces, receivers, settings, entries, name, threads) for name in OPERATORS[1:]}
     if operator == "auto":
         operator = "stored" if memory["stored"] <= 0.8 * available_memory() or not bounce else "recompute"
@@ -135,8 +138,8 @@ def choose_operator(
         InputError: the bake does not fit.
     """
     surfaces = Surfaces.of(scene)
-    rays = len(receivers) * settings.rays
-    most = min(3 * rays, len(receivers) * len(surfaces.receivers)) if settings.reflects else 0
+    rays = receivers.sides * settings.rays
+    most = min(3 * rays, receivers.sides * len(surfaces.receivers)) if settings.reflects else 0
     available = available_memory()
     kind = "stored" if operator == "auto" else operator
     if rays <= _FEW_RAYS and _memory(surfaces, receivers, settings, most, kind, threads) <= available / 2:
@@ -205,9 +208,4 @@ def _spread(receivers: Receivers, count: int) -> Receivers:
     starts = torch.linspace(0, max(len(receivers) - _RUN, 0), -(-count // _RUN)).long()
     runs = (starts[:, None] + torch.arange(_RUN)).reshape(-1).unique()
     pick = receivers.along_curve()[runs[runs < len(receivers)]]
-    return Receivers(
-        receivers.positions[pick],
-        receivers.normals[pick],
-        receivers.albedo[pick],
-        torch.zeros((0, 3), dtype=torch.int64),
-    )
+    return receivers.picked(pick)

@@ -23,12 +23,15 @@ class Receivers:
         normals: float32 [V, 3], unit.
         albedo: float32 [V, 3], linear reflectance in [0, 1]; sampled from textures where there are some.
         faces: int64 [F, 3] into the receivers; [0, 3] when the receivers are not a surface.
+        transmission: float32 [V] in [0, 1] where some surfaces are translucent (`Material.transmission`), else None.
+            It plays its part in tracing and is not saved in assets.
     """
 
     positions: torch.Tensor
     normals: torch.Tensor
     albedo: torch.Tensor
     faces: torch.Tensor
+    transmission: torch.Tensor | None = None
 
     def __post_init__(self) -> None:
         count = len(self.positions)
@@ -36,6 +39,10 @@ class Receivers:
             shape = tuple(getattr(self, name).shape)
             if shape != (count, 3):
                 raise InputError(f"receivers have {name} of shape {shape}: give [{count}, 3]")
+        if self.transmission is not None and tuple(self.transmission.shape) != (count,):
+            raise InputError(f"receivers have transmission of shape {tuple(self.transmission.shape)}: give [{count}]")
+        if self.transmission is not None and not bool(((self.transmission >= 0) & (self.transmission <= 1)).all()):
+            raise InputError("receivers have a transmission outside [0, 1]: give the share that goes through")
         if count == 0:
             raise InputError("there are no receivers: the scene needs at least one mesh that is not occluder-only")
         if not bool(torch.isfinite(self.positions).all() and torch.isfinite(self.normals).all()):
@@ -47,12 +54,26 @@ class Receivers:
         return len(self.positions)
 
     @staticmethod
-    def points(positions: torch.Tensor, normals: torch.Tensor, albedo: torch.Tensor | float = 0.8) -> Receivers:
-        """Free receivers, such as texels or probes: `positions`, `normals` [V, 3]; `albedo` a number or [V, 3]."""
+    def points(
+        positions: torch.Tensor,
+        normals: torch.Tensor,
+        albedo: torch.Tensor | float = 0.8,
+        *,
+        transmission: torch.Tensor | float | None = None,
+    ) -> Receivers:
+        """Free receivers, such as texels or probes: `positions`, `normals` [V, 3]; `albedo` a number or [V, 3];
+        `transmission` a number or [V], in [0, 1]."""
         positions = torch.as_tensor(positions, dtype=torch.float32)
         normals = torch.nn.functional.normalize(torch.as_tensor(normals, dtype=torch.float32), dim=-1)
         albedo = torch.as_tensor(albedo, dtype=torch.float32).expand(len(positions), 3).contiguous()
-        return Receivers(positions, normals, albedo, torch.zeros((0, 3), dtype=torch.int64))
+        if transmission is not None:
+            transmission = torch.as_tensor(transmission, dtype=torch.float32).expand(len(positions)).contiguous()
+        return Receivers(positions, normals, albedo, torch.zeros((0, 3), dtype=torch.int64), transmission)
+
+    @property
+    def sides(self) -> int:
+        """How many hemispheres are traced: one for each receiver, two for translucent ones."""
+        return len(self) + (0 if self.transmission is None else int(self.transmission.count_nonzero()))
 
     def with_albedo(self, albedo: torch.Tensor) -> Receivers:
         """The same points with `albedo` [V, 3], [V, 1] or [3], in [0, 1]; it may carry gradients."""
@@ -96,7 +117,13 @@ class Receivers:
         """The receivers `order`, a permutation int64 [V], with the faces that connect them."""
         place = torch.empty_like(order)
         place[order] = torch.arange(len(order))
-        return Receivers(self.positions[order], self.normals[order], self.albedo[order], place[self.faces])
+        return replace(self.picked(order), faces=place[self.faces])
+
+    def picked(self, pick: torch.Tensor) -> Receivers:
+        """Some of the receivers, int64 [S], without triangles."""
+        through = None if self.transmission is None else self.transmission[pick]
+        empty = torch.zeros((0, 3), dtype=torch.int64)
+        return Receivers(self.positions[pick], self.normals[pick], self.albedo[pick], empty, through)
 
     def origins(self, offset: float) -> torch.Tensor:
         """Where rays start, float32 [V, 3]: `offset` above the surface, and as much inwards from its border.

@@ -8,6 +8,7 @@ import torch
 
 from diffprt.errors import InputError
 from diffprt.scene import Scene
+from diffprt.scene.resolution import offset_remark
 from diffprt.transfer.receivers import Receivers
 
 
@@ -30,10 +31,16 @@ class Surfaces:
 
     @staticmethod
     def of(scene: Scene) -> Surfaces:
-        """Flattens the scene; vertex order is the order of its meshes and of their vertices."""
+        """Flattens the scene; vertex order is the order of its meshes and of their vertices.
+
+        Raises:
+            InputError: no triangles, another BRDF than lambert, or a scene so far from the origin for its size that
+                32-bit coordinates do not resolve it.
+        """
         geometry = scene.merged()
         if len(geometry.faces) == 0:
             raise InputError(f"scene '{scene.name}' has no triangles: load a mesh with faces")
+        offset_remark(*scene.bounds.numpy(), scene.name)
         for material in scene.materials:
             if material.brdf != "lambert":
                 raise InputError(
@@ -44,8 +51,13 @@ class Surfaces:
         index = torch.where(receives, receives.long().cumsum(0) - 1, -1)
         source_of_corner = index[geometry.faces]
         own_faces = source_of_corner[seen[geometry.mesh_of_face.long()]]
+        through = geometry.transmission[receives]
         receivers = Receivers(
-            geometry.positions[receives], geometry.normals[receives], geometry.albedo[receives], own_faces
+            geometry.positions[receives],
+            geometry.normals[receives],
+            geometry.albedo[receives],
+            own_faces,
+            through if bool(through.any()) else None,
         )
         return Surfaces(geometry.positions, geometry.faces, receivers, source_of_corner)
 

@@ -25,6 +25,7 @@ from diffprt.transfer.settings import CONVERGED, BakeSettings
 from diffprt.transfer.signal import Transfer
 from diffprt.transfer.solve import converge
 from diffprt.transfer.surfaces import Surfaces
+from diffprt.transfer.translucent import SheetOperator, Sides
 
 Track = Callable[[str, int, int], AbstractContextManager[Callable[[], None]]]
 
@@ -44,7 +45,7 @@ class Transport:
 
     Attributes:
         receivers: where transfer is wanted.
-        direct: float32 [V, 1, K], transfer without interreflection.
+        direct: float32 [V, 1, K], transfer without interreflection; where translucent, of both sides.
         error: float32 [V, 1, K], its standard error.
         operator: G [V, sources]; None when no bounce was traced.
         settings: what it was traced with.
@@ -138,8 +139,10 @@ def trace_transport(
     """
     timings, counts = report["timings"], report["counts"]
     with timed(timings, "compiling kernels"):
-        order = receivers.along_curve()
-        ordered = receivers.reordered(order)
+        sides = Sides.of(receivers)
+        traced = receivers if sides is None else sides.traced
+        order = traced.along_curve()
+        ordered = traced.reordered(order)
         scramble = ordered.scramble(settings.seed, surfaces.positions.amin(0), surfaces.diagonal)
         pattern = Pattern.create(settings.rays, scramble)
         corners = surfaces.source_of_corner.numpy() if settings.reflects else None
@@ -147,7 +150,7 @@ def trace_transport(
         tracer = DirectTracer(mesh, ordered, pattern, settings.order, stored, len(surfaces.receivers))
     key = {
         "scene": scene_hash,
-        "receivers": receivers.hash(),
+        "receivers": traced.hash(),
         **settings.as_dict(),
         "bounces": stored is not None,
         "chunks": "along a curve",
@@ -194,10 +197,14 @@ def trace_transport(
         elif corners is not None:
             hits = DirectTracer(mesh, ordered, pattern, 0, corners, len(surfaces.receivers))
             operator = RetracedOperator(hits, order, threads)
+        if sides is not None:
+            direct, error = sides.combined(direct), sides.combined_error(error)
+            operator = SheetOperator(operator, sides) if operator is not None else None
     findings = {}
     if fill_inside:
         with timed(timings, "receivers inside geometry"):
-            inside = find_inside(mesh, receivers, blocked, settings.rays, scramble, threads)
+            own = slice(len(receivers))
+            inside = find_inside(mesh, receivers, blocked[own], settings.rays, scramble[own], threads)
             findings["receivers_inside"] = int(inside.sum())
             fill = Fill.of(receivers, inside)
         if fill is not None:

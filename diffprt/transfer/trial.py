@@ -15,6 +15,7 @@ from diffprt.transfer.receivers import Receivers
 from diffprt.transfer.sampling import Pattern
 from diffprt.transfer.settings import CONVERGED, BakeSettings
 from diffprt.transfer.surfaces import Surfaces
+from diffprt.transfer.translucent import Sides
 from diffprt.transfer.transport import trace_transport, untracked
 
 # The error of a sample falls like S^-1/2 and its cost grows like S: their sum is least near V^(2/3).
@@ -56,7 +57,9 @@ class TrialReceivers:
         size = min(max(round(_SAMPLE_SHARE * len(every) ** (2 / 3)), _LEAST_SAMPLE), len(every))
         generator = torch.Generator().manual_seed(settings.seed & 0x7FFFFFFFFFFFFFFF)
         pick = torch.randperm(len(every), generator=generator)[:size].sort().values
-        self._receivers = some_receivers(every, pick, self._mesh.ray_offset())
+        receivers = some_receivers(every, pick, self._mesh.ray_offset())
+        self._sides = Sides.of(receivers)
+        self._receivers = receivers if self._sides is None else self._sides.traced
 
     def see_reflections(self, rays: int) -> None:
         """From now on trials include interreflection: every receiver is traced with `rays`, for what it reflects.
@@ -78,7 +81,7 @@ class TrialReceivers:
             track=untracked,
             report={"timings": {}, "counts": {}},
         )
-        self.traced += rays * len(every)
+        self.traced += rays * every.sides
         self._reflected = reflected_light(self._surfaces, transport.transfer().diffuse)
 
     def measure(self, rays: int) -> Trial:
@@ -109,7 +112,7 @@ class TrialReceivers:
         low = self._surfaces.positions.amin(0)
         scramble = self._receivers.scramble(self._next_seed(), low, self._surfaces.diagonal)
         self.traced += rays * len(self._receivers)
-        return trace_some(
+        transfer, error = trace_some(
             self._surfaces,
             self._mesh,
             self._receivers,
@@ -118,6 +121,9 @@ class TrialReceivers:
             reflected=self._reflected,
             threads=self._threads,
         )
+        if self._sides is None:
+            return transfer, error
+        return self._sides.combined(transfer), self._sides.combined_error(error)
 
     def _next_seed(self) -> int:
         self._seed = (self._seed + 1) % _SEEDS
@@ -131,8 +137,7 @@ def some_receivers(receivers: Receivers, pick: torch.Tensor, offset: float) -> R
         offset: as in `Receivers.origins`, which moves receivers on a border inwards.
     """
     positions = (receivers.origins(offset).double() - offset * receivers.normals.double()).float()
-    empty = torch.zeros((0, 3), dtype=torch.int64)
-    return Receivers(positions[pick], receivers.normals[pick], receivers.albedo[pick].detach(), empty)
+    return replace(receivers, positions=positions, albedo=receivers.albedo.detach()).picked(pick)
 
 
 def reflected_light(surfaces: Surfaces, transfer: torch.Tensor) -> torch.Tensor:

@@ -372,3 +372,33 @@ def test_usd_time_samples_are_read_at_the_start(tmp_path):
         mesh.GetPointsAttr().Set(np.asarray(SQUARE, dtype=np.float32) * time, time)
     stage.Save()
     assert np.allclose(Scene.load(path).meshes[0].positions, SQUARE)
+
+
+@pytest.mark.parametrize("ending", [".obj", ".ply", ".glb"])
+def test_far_meshes_are_moved_before_coordinates_are_rounded(tmp_path, ending):
+    """A ball of a thousandth at a million: refused, unless the file holds 64 bits and is recentered."""
+    ball = trimesh.creation.icosphere(subdivisions=1, radius=1e-3)
+    offset = np.array([1e6, -2e6, 5e5])
+    path = tmp_path / f"far{ending}"
+    far = ball.vertices + offset
+    if ending == ".obj":
+        lines = [f"v {x:.12f} {y:.12f} {z:.12f}" for x, y, z in far]
+        path.write_text("\n".join(lines + [f"f {a} {b} {c}" for a, b, c in ball.faces + 1]))
+    elif ending == ".ply":
+        header = "".join(f"property double {axis}\n" for axis in "xyz")
+        lines = [f"{x:.12f} {y:.12f} {z:.12f}" for x, y, z in far] + [f"3 {a} {b} {c}" for a, b, c in ball.faces]
+        path.write_text(
+            f"ply\nformat ascii 1.0\nelement vertex {len(far)}\n{header}element face {len(ball.faces)}\n"
+            "property list uchar int vertex_indices\nend_header\n" + "\n".join(lines) + "\n"
+        )
+    else:
+        scene, move = trimesh.Scene(), np.eye(4)
+        move[:3, 3] = offset
+        scene.add_geometry(ball, transform=move)
+        scene.export(path)
+    with pytest.raises(InputError, match=r"coordinates up to 2e\+06, where 32-bit steps are 0\.125, .* recenter=True"):
+        Scene.load(path)
+    scene = Scene.load(path, recenter=True)
+    # 64-bit coordinates of millions have steps of 2e-10.
+    assert np.allclose(scene.meshes[0].positions.numpy(), ball.vertices, atol=2e-9)
+    assert any(line.startswith("moved by (-1000000, 2000000, -500000) to the origin") for line in scene.defects.lines())
