@@ -12,66 +12,82 @@ import safetensors
 import safetensors.torch
 import torch
 
-from diffprt.compress import ClusteredTransfer
+from diffprt.compress import ClusteredTransfer, storage
 from diffprt.errors import InputError
-from diffprt.transfer import Receivers, Transfer
+from diffprt.transfer import GlossyTransfer, Receivers, Transfer
 
 VERSION = 1
 CONVENTIONS = {
     "sh": "real orthonormal, Condon-Shortley, index l(l+1)+m, polar axis +z",
     "space": "right-handed, +y up",
-    "transfer": "cosine times visibility plus interreflection, without own albedo and 1/pi",
 }
+_DIFFUSE = "cosine times visibility plus interreflection, without own albedo and 1/pi"
+_GLOSSY = (
+    "light on the scene's axes to exit radiance on the receiver's own (z the normal, tangent by Duff et al. 2017), "
+    "BRDF and cosine included"
+)
 _KEY = "diffprt"
 _LARGEST_HEADER = 1 << 20
 _LARGEST_TENSOR = 1 << 33
 
-Asset = Transfer | ClusteredTransfer
+Asset = Transfer | ClusteredTransfer | GlossyTransfer
 
 
 @dataclass(frozen=True)
 class _Kind:
-    """How one type of asset becomes tensors, and back; `shapes` gives each tensor's dtype and rank."""
+    """How one type of asset becomes tensors, and back; `shapes` and `optional` give each tensor's dtype and rank."""
 
     type: type
+    transfer: str
     shapes: dict[str, tuple[tuple[torch.dtype, ...], int]]
+    optional: dict[str, tuple[tuple[torch.dtype, ...], int]]
     pack: Callable[[Asset], dict[str, torch.Tensor]]
     unpack: Callable[[dict[str, torch.Tensor]], dict]
 
 
 _FLOAT = (torch.float32, torch.float64)
-_LABEL = (torch.uint8, torch.uint16, torch.int32)
+_CODE = (*_FLOAT, torch.float16, torch.uint8)
 _GEOMETRY = {
     "positions": ((torch.float32,), 2),
     "normals": ((torch.float32,), 2),
     "albedo": ((torch.float32,), 2),
     "faces": ((torch.int32,), 2),
 }
-_OPTIONAL = {"openness": ((torch.float32,), 1), "bent_normals": ((torch.float32,), 2)}
+_OPENNESS = {"openness": ((torch.float32,), 1), "bent_normals": ((torch.float32,), 2)}
 
 
-def _pack_clustered(asset: ClusteredTransfer) -> dict[str, torch.Tensor]:
-    dtype = next(t for t in _LABEL if asset.clusters <= torch.iinfo(t).max + 1)
-    return {
-        "labels": asset.labels.to(dtype),
-        "means": asset.means,
-        "bases": asset.bases,
-        "weights": asset.weights,
-    }
+def _openness(asset: Transfer | ClusteredTransfer) -> dict[str, torch.Tensor]:
+    return {key: getattr(asset, key) for key in _OPENNESS if getattr(asset, key) is not None}
+
+
+def _unpack_clustered(tensors: dict[str, torch.Tensor]) -> dict:
+    return {key: tensors[key] for key in _OPENNESS if key in tensors} | storage.from_tensors(tensors)
 
 
 KINDS = {
     "transfer": _Kind(
         Transfer,
+        _DIFFUSE,
         {"diffuse": (_FLOAT, 3)},
-        lambda asset: {"diffuse": asset.diffuse},
-        lambda tensors: {"diffuse": tensors["diffuse"]},
+        _OPENNESS,
+        lambda asset: {"diffuse": asset.diffuse} | _openness(asset),
+        dict,
     ),
     "clustered_transfer": _Kind(
         ClusteredTransfer,
-        {"labels": (_LABEL, 1), "means": (_FLOAT, 3), "bases": (_FLOAT, 4), "weights": (_FLOAT, 2)},
-        _pack_clustered,
-        lambda tensors: {**tensors, "labels": tensors["labels"].to(torch.int64)},
+        _DIFFUSE,
+        {"labels": (storage.LABEL_TYPES, 1), "means": (_CODE, 3), "bases": (_CODE, 4), "weights": (_CODE, 2)},
+        _OPENNESS | {name: ((torch.float32,), 2) for name in storage.RANGES},
+        lambda asset: storage.to_tensors(asset) | _openness(asset),
+        _unpack_clustered,
+    ),
+    "glossy_transfer": _Kind(
+        GlossyTransfer,
+        _GLOSSY,
+        {"glossy": (_FLOAT, 4)},
+        {},
+        lambda asset: {"glossy": asset.glossy},
+        dict,
     ),
 }
 
@@ -91,18 +107,17 @@ def save(asset: Asset, path: str | Path) -> int:
         raise InputError(
             f"a {type(asset).__name__} cannot be saved: give a {' or '.join(k.type.__name__ for k in KINDS.values())}"
         )
-    receivers = asset.receivers
-    tensors = KINDS[name].pack(asset) | {
+    receivers, kind = asset.receivers, KINDS[name]
+    tensors = kind.pack(asset) | {
         "positions": receivers.positions,
         "normals": receivers.normals,
         "albedo": receivers.albedo,
         "faces": receivers.faces.to(torch.int32),
     }
-    tensors |= {key: getattr(asset, key) for key in _OPTIONAL if getattr(asset, key) is not None}
     header = {
         "version": VERSION,
         "type": name,
-        "conventions": CONVENTIONS,
+        "conventions": {**CONVENTIONS, "transfer": kind.transfer},
         "scene_hash": asset.scene_hash,
         "settings": asset.settings,
         "plan": asset.plan,
@@ -180,9 +195,9 @@ def load(path: str | Path) -> Asset:
     header = read_header(path)
     kind = KINDS[header["type"]]
     expected = kind.shapes | _GEOMETRY
-    if not set(expected) <= set(header["tensors"]) <= set(expected | _OPTIONAL):
+    if not set(expected) <= set(header["tensors"]) <= set(expected | kind.optional):
         raise InputError(f"asset {path} holds {sorted(header['tensors'])}, wanted {sorted(expected)}: bake it again")
-    expected |= _OPTIONAL
+    expected |= kind.optional
     for key, entry in header["tensors"].items():
         if len(entry["shape"]) != expected[key][1]:
             raise InputError(f"asset {path} has {key} of shape {entry['shape']}: bake it again")
@@ -206,10 +221,8 @@ def load(path: str | Path) -> Asset:
             tensors.pop("albedo"),
             tensors.pop("faces").to(torch.int64),
         )
-        known = {key: tensors.pop(key) for key in _OPTIONAL if key in tensors}
         return kind.type(
             receivers=receivers,
-            **known,
             settings=dict(header["settings"]),
             plan=dict(header["plan"]),
             certificate=dict(header["certificate"]),

@@ -1,16 +1,19 @@
 """Asset files: what was saved comes back, and damaged or hostile files do no harm (hard case 32)."""
 
 import json
+import re
 import struct
+from pathlib import Path
 
 import pytest
 import safetensors.torch
 import torch
 
-from diffprt.asset import load, read_header, save
+from diffprt.asset import KINDS, load, read_header, save
+from diffprt.brdf import GGX, brdf_of
 from diffprt.compress import ClusteredTransfer, compress
 from diffprt.errors import InputError
-from diffprt.transfer import Transfer
+from diffprt.transfer import GlossyTransfer, Transfer, bake_glossy
 
 
 @pytest.fixture(scope="module")
@@ -18,15 +21,20 @@ def compressed(bumpy_transfer) -> ClusteredTransfer:
     return compress(bumpy_transfer, clusters=9, components=3)
 
 
-@pytest.mark.parametrize("kind", ["transfer", "clustered"])
-def test_round_trip(kind, bumpy_transfer, compressed, tmp_path):
-    asset = bumpy_transfer if kind == "transfer" else compressed
+@pytest.fixture(scope="module")
+def glossy(bumpy) -> GlossyTransfer:
+    brdf = GGX(0.4, diffuse=(0.3, 0.2, 0.1), specular=0.6)
+    return bake_glossy(bumpy, brdf, order=2, order_out=3, rays=32, bounces=1, bounce_rays=32)
+
+
+@pytest.mark.parametrize("kind", list(KINDS))
+def test_round_trip(kind, bumpy_transfer, compressed, glossy, tmp_path):
+    asset = {"transfer": bumpy_transfer, "clustered_transfer": compressed, "glossy_transfer": glossy}[kind]
     size = save(asset, tmp_path / "a.prt")
     assert size == (tmp_path / "a.prt").stat().st_size
     back = load(tmp_path / "a.prt")
     assert type(back) is type(asset)
-    names = ["diffuse"] if kind == "transfer" else ["labels", "means", "bases", "weights"]
-    for name in names:
+    for name in KINDS[kind].shapes:
         assert torch.equal(getattr(back, name), getattr(asset, name))
     for name in ("positions", "normals", "albedo", "faces"):
         assert torch.equal(getattr(back.receivers, name), getattr(asset.receivers, name))
@@ -35,6 +43,51 @@ def test_round_trip(kind, bumpy_transfer, compressed, tmp_path):
     save(back, tmp_path / "b.prt")
     assert (tmp_path / "a.prt").read_bytes() == (tmp_path / "b.prt").read_bytes()
     assert [p.name for p in tmp_path.iterdir() if "partial" in p.name] == []
+
+
+def test_glossy_assets_know_their_brdf(glossy, tmp_path):
+    save(glossy, tmp_path / "a.prt")
+    (described,) = load(tmp_path / "a.prt").settings["brdf"]
+    directions = torch.nn.functional.normalize(torch.rand(2, 20, 3) + 0.1, dim=-1)
+    expected = GGX(0.4, diffuse=(0.3, 0.2, 0.1), specular=0.6).evaluate(*directions)
+    assert torch.allclose(brdf_of(described).evaluate(*directions), expected)
+    assert read_header(tmp_path / "a.prt")["conventions"]["transfer"].startswith("light on the scene's axes to exit")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda h, t: t.update(glossy=t["glossy"][:-1]), "glossy transfer has shape"),
+        (lambda h, t: t.update(glossy=t["glossy"][:, :, :-1]), "order"),
+        (lambda h, t: t.update(glossy=t["glossy"][0]), "glossy of shape"),
+        (lambda h, t: t.update(glossy=t["glossy"].half()), "glossy of dtype"),
+        (lambda h, t: t["glossy"].__setitem__((0, 0, 0, 0), float("inf")), "non-finite glossy"),
+        (lambda h, t: t.update(openness=torch.zeros(len(t["glossy"]))), "wanted"),
+        (lambda h, t: h.update(type="transfer"), "wanted"),
+    ],
+)
+def test_hostile_glossy_assets_are_refused(glossy, tmp_path, change, message):
+    save(glossy, tmp_path / "a.prt")
+    hostile(tmp_path / "a.prt", change)
+    with pytest.raises(InputError, match=message) as caught:
+        load(tmp_path / "a.prt")
+    assert "\n" not in str(caught.value)
+
+
+def test_documents_list_every_tensor():
+    """docs/assets.md names each kind with its tensors, and no others."""
+    page = Path(__file__).resolve().parents[1] / "docs" / "assets.md"
+    if not page.is_file():
+        pytest.skip("installed from a wheel: the pages are in the repository")
+    table = page.read_text("utf-8").partition("## Tensors")[2].partition("## ")[0]
+    rows = re.findall(r"^\| (`[^|]*`) \|[^|]*\|[^|]*\| ([^|]*) \|$", table, re.MULTILINE)
+    listed = {kind: set() for kind in KINDS}
+    for names, kinds in rows:
+        for kind in KINDS:
+            if kinds.startswith("all") or f"`{kind}`" in kinds:
+                listed[kind] |= set(re.findall(r"`(\w+)`", names))
+    geometry = {"positions", "normals", "albedo", "faces"}
+    assert listed == {name: geometry | set(kind.shapes) | set(kind.optional) for name, kind in KINDS.items()}
 
 
 @pytest.mark.parametrize("clusters", [200, 300])
@@ -125,6 +178,25 @@ def test_hostile_assets_are_refused(compressed, tmp_path, change, message):
     with pytest.raises(InputError, match=message) as caught:
         load(tmp_path / "a.prt")
     assert str(tmp_path / "a.prt") in str(caught.value) and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("bases_format", ["float32", "float16", "uint8"])
+@pytest.mark.parametrize("weights_format", ["float16", "uint8"])
+def test_few_bits_survive_the_file(bumpy_transfer, tmp_path, weights_format, bases_format):
+    asset = compress(bumpy_transfer, clusters=5, components=3, weights_format=weights_format, bases_format=bases_format)
+    size = save(asset, tmp_path / "a.prt")
+    again = load(tmp_path / "a.prt")
+    assert (again.weights_format, again.bases_format, again.nbytes) == (weights_format, bases_format, asset.nbytes)
+    for name in ("means", "bases", "weights"):
+        wanted = getattr(asset, name)
+        assert float((getattr(again, name) - wanted).abs().max()) <= 2e-7 * float(wanted.abs().max())
+    plain = save(compress(bumpy_transfer, clusters=5, components=3), tmp_path / "b.prt")
+    assert size < plain
+    if "uint8" in (weights_format, bases_format):
+        name = "weights_steps" if weights_format == "uint8" else "bases_steps"
+        hostile(tmp_path / "a.prt", lambda h, t: t.update({name: t[name][:-1]}))
+        with pytest.raises(InputError, match=r"the ranges of .* do not belong"):
+            load(tmp_path / "a.prt")
 
 
 def test_other_files_are_refused(tmp_path):

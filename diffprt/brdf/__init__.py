@@ -1,6 +1,7 @@
 """BRDFs: evaluated, sampled, and as matrices between spherical harmonics. In the local frame, z is the normal."""
 
 from diffprt.brdf.cook_torrance import CookTorrance
+from diffprt.brdf.description import BRDFS, brdf_of, describe_brdf, parse_brdf
 from diffprt.brdf.fit import exit_fit, fitted_matrix
 from diffprt.brdf.fresnel import Conductor, Schlick
 from diffprt.brdf.ggx import GGX
@@ -12,6 +13,7 @@ from diffprt.brdf.phong import ModifiedPhong, Phong
 from diffprt.brdf.westin import westin_matrix
 
 __all__ = [
+    "BRDFS",
     "GGX",
     "Brdf",
     "Conductor",
@@ -21,9 +23,12 @@ __all__ = [
     "Phong",
     "Schlick",
     "brdf_matrix",
+    "brdf_of",
+    "describe_brdf",
     "exit_fit",
     "fitted_matrix",
     "hemisphere_gram",
     "hemisphere_moments",
+    "parse_brdf",
     "westin_matrix",
 ]

@@ -9,6 +9,8 @@ from pathlib import Path
 import typer
 
 from diffprt import asset as assets
+from diffprt.brdf import parse_brdf
+from diffprt.cli.glossy import bake_glossy_scene, refuse_with_brdf
 from diffprt.cli.inputs import load_light, load_scene
 from diffprt.cli.report import JsonFile, check_output, print_table, size_text, write_report
 from diffprt.errors import InputError
@@ -19,6 +21,7 @@ from diffprt.transfer import (
     OPERATORS,
     BakeSettings,
     Estimate,
+    GlossySettings,
     SamplingRate,
     available_memory,
     bake,
@@ -38,12 +41,18 @@ def run(
     quality: str = typer.Option("good", help="draft, good or best: sets order, rays and bounces."),
     order: int = typer.Option(None, help="SH bands, 1 to 10."),
     rays: int = typer.Option(None, help="Rays per receiver."),
-    bounces: str = typer.Option(None, help="Diffuse interreflections: a number, or converged for all of them."),
+    bounces: str = typer.Option(None, help="Interreflections: a number, or converged for all of them."),
     tolerance: float = typer.Option(None, help="Instead of rays: the relative error that sampling may leave."),
     seconds: float = typer.Option(None, help="Instead of rays: about how long this machine may work."),
     planned: str = typer.Option(
         "off", "--plan", help="off; on: simulate what the scene calls for; or the light (sky, a map) it is for."
     ),
+    brdf: list[str] = typer.Option(
+        [],
+        help="Makes surfaces glossy: NAME:KEY=VALUE,..., such as phong:exponent=16,specular=0.5; lambert, phong, "
+        "modified-phong, cook-torrance or ggx. One for all, or repeated, one per material.",
+    ),
+    order_out: int = typer.Option(None, help="With --brdf: SH bands of exit radiance, 1 to 10; --order by default."),
     seed: int = typer.Option(0, help="Turns the sample patterns."),
     threads: int = typer.Option(None, help="CPU threads; all by default."),
     albedo: str = typer.Option(None, help="Replaces every albedo: 0.8 or r,g,b."),
@@ -68,11 +77,34 @@ def run(
         raise InputError(f"threads is {threads}: give 1 or more")
     if output.suffix != ".prt":
         raise InputError(f"output {output} has ending '{output.suffix}': give a .prt file")
+    glossy = [parse_brdf(text) for text in brdf]
+    if glossy:
+        own = {"--tolerance": tolerance, "--seconds": seconds, "--albedo": albedo}
+        refuse_with_brdf(
+            {option: value is not None for option, value in own.items()}
+            | {"--plan": planned != "off", "--operator": operator != "auto"}
+        )
+        settings = GlossySettings(**settings.as_dict(), order_out=order_out)
+    elif order_out is not None:
+        raise InputError("--order-out is given without --brdf: exit radiance has bands where surfaces are glossy")
     scene = load_scene(
         source, albedo=albedo, ground=ground, occluders=occluder, up=up, non_finite=non_finite, winding=winding
     )
     for line in scene.defects.lines():
         print(f"note: {line}")
+    if glossy:
+        bake_glossy_scene(
+            scene,
+            source,
+            glossy,
+            settings,
+            output,
+            threads=threads,
+            hours=hours,
+            dry_run=dry_run,
+            json_file=json_file,
+        )
+        return
     decided = None
     if planned != "off":
         with status("planning"):

@@ -7,9 +7,10 @@ from pathlib import Path
 
 import typer
 
+from diffprt.brdf import parse_brdf
 from diffprt.cli.inputs import parse_color
 from diffprt.cli.report import JsonFile, check_output, print_table, write_report
-from diffprt.cli.study_tables import print_tolerance, print_visibility
+from diffprt.cli.study_tables import print_overdraw, print_tolerance, print_visibility
 from diffprt.scene import BUILTIN_SCENES
 
 app = typer.Typer(help=__doc__, no_args_is_help=True, rich_markup_mode=None)
@@ -22,10 +23,13 @@ def reference(
     output: Path = typer.Option(Path("out/reference"), "-o", "--output", help="The folder for pictures."),
     order: int = typer.Option(6, help="SH bands."),
     rays: int = typer.Option(4096, help="Rays per receiver."),
-    bounces: int = typer.Option(6, help="Diffuse interreflections."),
+    bounces: int = typer.Option(6, help="Interreflections."),
     size: int = typer.Option(256, help="Pixels a side."),
     samples: int = typer.Option(1024, help="Mitsuba's samples per pixel, in each of two halves."),
     albedo: str = typer.Option(None, help="Replaces every albedo: 0.8 or r,g,b."),
+    brdf: list[str] = typer.Option([], help="Makes surfaces glossy, as in 'diffprt bake'; may be repeated."),
+    order_out: int = typer.Option(None, help="With --brdf: SH bands of exit radiance; --order by default."),
+    up: str = typer.Option(None, help="The axis of the file that points up; y by default."),
     json_file: Path = JsonFile,
 ) -> None:
     from diffprt.study.reference import reference_study
@@ -42,6 +46,9 @@ def reference(
         size=size,
         samples=samples,
         albedo=color,
+        brdf=[parse_brdf(text) for text in brdf],
+        order_out=order_out,
+        up=up,
     )
     for note in report["notes"]:
         print(f"note: {note}")
@@ -121,3 +128,58 @@ def tolerance(
     )
     write_report(json_file, "study tolerance", report)
     print_tolerance(report)
+
+
+@app.command(
+    help="The 2005 thesis's tables 5.1 to 5.17 for any mesh: squared error and overdraw, its methods and ours."
+)
+def overdraw(
+    source: list[str] = typer.Argument(
+        None, metavar="[SCENE]...", help="Scene files or builtin:NAME.  [default: builtin:bunny]"
+    ),
+    brdf: list[str] = typer.Option(
+        ["phong:exponent=16", "cook-torrance:roughness=0.3"],
+        help="NAME:parameter=value,...; diffuse for diffuse transfer; shadow for matrices without BRDF; repeatable.",
+    ),
+    clusters: list[int] = typer.Option([256, 64, 128, 192], help="Clusters; may be repeated."),
+    method: list[str] = typer.Option(
+        None,
+        help="NAME[=COHERENCE][@REGISTERS], NAME as in compress or faiss; repeatable.  [default: all that count]",
+    ),
+    components: int = typer.Option(8, help="Components per cluster."),
+    registers: list[int] = typer.Option([256, 1024, 4096], help="float4 registers of a pass; may be repeated."),
+    light: list[str] = typer.Option(["sky", "studio"], help="Of the image error: sky, studio or a map; repeatable."),
+    order: int = typer.Option(6, help="SH bands."),
+    rays: int = typer.Option(1024, help="Rays per receiver."),
+    bounces: int = typer.Option(0, help="Interreflections."),
+    channels: int = typer.Option(None, help="1 or 3.  [default: as many as the BRDF has]"),
+    seed: int = typer.Option(0, help="Of rays and starts."),
+    seeds: int = typer.Option(3, help="Starts of original CPCA."),
+    minutes: float = typer.Option(None, help="Begin no row after these; repeat the command to go on."),
+    output: Path = typer.Option(Path("out/overdraw"), "-o", "--output", help="The folder; its rows are kept."),
+    json_file: Path = JsonFile,
+) -> None:
+    from diffprt.study.overdraw import overdraw_study
+    from diffprt.study.overdraw_methods import DEFAULT
+
+    check_output(output, directory=True)
+    report = overdraw_study(
+        source or ["builtin:bunny"],
+        output,
+        brdfs=brdf,
+        clusters=clusters,
+        methods=method or DEFAULT,
+        components=components,
+        budgets=registers,
+        lights=light,
+        order=order,
+        rays=rays,
+        bounces=bounces,
+        channels=channels,
+        seed=seed,
+        seeds=seeds,
+        minutes=minutes,
+        say=lambda text: print(text, file=sys.stderr, flush=True),
+    )
+    write_report(json_file, "study overdraw", report)
+    print_overdraw(report)

@@ -9,16 +9,17 @@ import torch
 from diffprt.compress import ClusteredTransfer
 from diffprt.errors import InputError
 from diffprt.render.camera import Camera
+from diffprt.render.glossy import glossy_radiance
 from diffprt.render.view import View
 from diffprt.scene import Light
 from diffprt.shade import shade
-from diffprt.transfer import Transfer
+from diffprt.transfer import GlossyTransfer, Transfer
 
 _MID_GREY = 0.2
 
 
 def render(
-    asset: Transfer | ClusteredTransfer,
+    asset: Transfer | ClusteredTransfer | GlossyTransfer,
     light: Light,
     camera: Camera | None = None,
     *,
@@ -29,7 +30,8 @@ def render(
     """A picture in linear radiance; `tone_map` makes display values of it.
 
     Args:
-        asset: what to draw; radiance is found per receiver and interpolated linearly over triangles.
+        asset: what to draw. Diffuse radiance is found per receiver and interpolated linearly over triangles; glossy
+            radiance per pixel, see `glossy_radiance`.
         light: distant light of the asset's order.
         camera: without it, one that frames the asset.
         background: linear RGB behind the asset, "light" for the light itself, None for black.
@@ -47,7 +49,10 @@ def render(
         raise InputError(f"samples is {samples}: give 1 to 16 a side")
     fine = replace(camera, width=camera.width * samples, height=camera.height * samples)
     view = View.of(asset.receivers, fine, threads=threads)
-    image = view.interpolate(shade(asset, light))
+    if isinstance(asset, GlossyTransfer):
+        image = glossy_radiance(asset, light, fine, view)
+    else:
+        image = view.interpolate(shade(asset, light))
     if background is not None:
         behind = light.radiance(pixel_rays(fine)) if background == "light" else torch.tensor(background)
         image = torch.where(view.mask[..., None], image, behind.to(image.dtype))

@@ -1,4 +1,16 @@
-from diffprt.shade.diffuse import shade
+"""Shading: exit radiance of receivers under distant light, and tone curves."""
+
+from diffprt.shade.exit_radiance import exit_radiance
+from diffprt.shade.mirrored import mirrored_radiance, radiance_towards
+from diffprt.shade.shade import shade
 from diffprt.shade.tonemap import CURVES, srgb_encode, tone_map
 
-__all__ = ["CURVES", "shade", "srgb_encode", "tone_map"]
+__all__ = [
+    "CURVES",
+    "exit_radiance",
+    "mirrored_radiance",
+    "radiance_towards",
+    "shade",
+    "srgb_encode",
+    "tone_map",
+]

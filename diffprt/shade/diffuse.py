@@ -13,7 +13,7 @@ from diffprt.scene import Light
 from diffprt.transfer import Transfer
 
 
-def shade(
+def shade_diffuse(
     asset: Transfer | ClusteredTransfer,
     light: Light | torch.Tensor,
     *,

@@ -7,8 +7,9 @@ import torch
 from diffprt import sh
 from diffprt.errors import InputError
 from diffprt.scene import Light
+from diffprt.shade.exit_radiance import exit_radiance
+from diffprt.transfer import GlossyTransfer
 from diffprt.transfer.glossy_bounce import above_horizon
-from diffprt.transfer.glossy_signal import GlossyTransfer
 
 
 def shade_glossy(asset: GlossyTransfer, light: Light | torch.Tensor, eye: torch.Tensor | tuple) -> torch.Tensor:
@@ -26,18 +27,8 @@ def shade_glossy(asset: GlossyTransfer, light: Light | torch.Tensor, eye: torch.
     Raises:
         InputError: the light has another order than the asset, or the eye another shape.
     """
-    coefficients = light.coefficients if isinstance(light, Light) else light
-    if tuple(coefficients.shape) != (asset.order**2, 3):
-        raise InputError(
-            f"transfer has {asset.order**2} SH coefficients, light has shape {list(coefficients.shape)}: "
-            f"project the light with order={asset.order}"
-        )
     exit_basis = sh.basis(view_directions(asset, eye), asset.order_out).to(asset.glossy.dtype)
-    coefficients = coefficients.to(asset.glossy.dtype)
-    if asset.channels == 1:
-        return torch.einsum("vo,vok->vk", exit_basis, asset.glossy[:, 0]) @ coefficients
-    towards = torch.einsum("vo,vcok->vck", exit_basis, asset.glossy)
-    return torch.einsum("vck,kc->vc", towards, coefficients)
+    return torch.einsum("vco,vo->vc", exit_radiance(asset, light), exit_basis)
 
 
 def view_directions(asset: GlossyTransfer, eye: torch.Tensor | tuple) -> torch.Tensor:

@@ -10,6 +10,7 @@ Mitsuba is an optional peer (`pip install "diffprt[study]"`). What differs betwe
   other, and pictures come out as ours. `fov_axis` "y" makes its field of view vertical.
 - **Surfaces.** One-sided `diffuse` reflects in front and is black behind, and blocks on both sides, as ours.
   Occluder-only meshes get the albedo 0, because `bake` lets them absorb.
+- **BRDFs.** Glossy surfaces have one BSDF for each BRDF (`mitsuba_bsdf`), without textures, as in `bake_glossy`.
 - **Depth.** `bounces` interreflections are paths of `bounces + 2` segments: one to the eye, one to the light.
 """
 
@@ -17,6 +18,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Sequence
 from importlib.util import find_spec
 from types import ModuleType
 
@@ -24,9 +26,11 @@ import numpy as np
 import torch
 
 from diffprt import sh
+from diffprt.brdf import Brdf
 from diffprt.errors import InputError
 from diffprt.render import Camera
-from diffprt.scene import Light, Scene
+from diffprt.scene import Light, Mesh, Scene
+from diffprt.study.mitsuba_bsdf import mitsuba_bsdf
 
 # Rows of the map: its bilinear error is below 2e-4 of a function of order 6.
 _MAP_ROWS = 512
@@ -79,8 +83,15 @@ def mitsuba_map(light: Light, rows: int = _MAP_ROWS) -> torch.Tensor:
     return radiance.clamp_min(0).float()
 
 
-def mitsuba_scene(mitsuba: ModuleType, scene: Scene, light: Light, camera: Camera) -> object:
-    """Same triangles, normals, albedo, light and camera as a Mitsuba scene (float32 in both)."""
+def mitsuba_scene(mitsuba: ModuleType, scene: Scene, light: Light, camera: Camera, brdf: Sequence[Brdf] = ()) -> object:
+    """Same triangles, normals, albedo or BRDFs, light and camera as a Mitsuba scene (float32 in both).
+
+    Args:
+        brdf: one for all surfaces or one per material, in place of albedo; none where surfaces are Lambertian.
+
+    Raises:
+        InputError: the light is negative somewhere, or Mitsuba has no such BSDF.
+    """
     bounds = scene.bounds.double()
     reach = float((bounds - torch.tensor(camera.eye, dtype=torch.float64)).abs().sum(1).max())
     described = {
@@ -106,7 +117,11 @@ def mitsuba_scene(mitsuba: ModuleType, scene: Scene, light: Light, camera: Camer
     }
     for index, mesh in enumerate(scene.meshes):
         albedo = mesh.vertex_albedo(scene.materials).detach()
-        described[f"mesh{index}"] = _mesh(mitsuba, mesh, torch.zeros_like(albedo) if mesh.occluder_only else albedo)
+        albedo = torch.zeros_like(albedo) if mesh.occluder_only else albedo
+        surface = {"type": "diffuse", "reflectance": {"type": "mesh_attribute", "name": "vertex_albedo"}}
+        if len(brdf) and not mesh.occluder_only:
+            surface = mitsuba_bsdf(mitsuba, brdf[mesh.material if len(brdf) > 1 else 0])
+        described[f"mesh{index}"] = _mesh(mitsuba, mesh, surface, albedo)
     return mitsuba.load_dict(described)
 
 
@@ -132,12 +147,10 @@ def path_trace(mitsuba: ModuleType, scene: object, *, bounces: int, samples: int
     return total / samples
 
 
-def _mesh(mitsuba: ModuleType, mesh, albedo: torch.Tensor) -> object:
-    """One mesh with its albedo [V, 3], which varies linearly over triangles."""
+def _mesh(mitsuba: ModuleType, mesh: Mesh, surface: dict, albedo: torch.Tensor) -> object:
+    """One mesh with a BSDF, and with an albedo [V, 3] that varies linearly over triangles."""
     properties = mitsuba.Properties()
-    properties["bsdf"] = mitsuba.load_dict(
-        {"type": "diffuse", "reflectance": {"type": "mesh_attribute", "name": "vertex_albedo"}}
-    )
+    properties["bsdf"] = mitsuba.load_dict(surface)
     built = mitsuba.Mesh(mesh.name, len(mesh.positions), len(mesh.faces), props=properties, has_vertex_normals=True)
     built.add_attribute("vertex_albedo", 3, albedo.float().reshape(-1).numpy())
     values = mitsuba.traverse(built)

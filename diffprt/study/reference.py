@@ -9,10 +9,12 @@ and so flatter them; and the window is what users have (`--window auto`).
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import torch
 
+from diffprt.brdf import Brdf, describe_brdf
 from diffprt.errors import InputError
 from diffprt.images import write_image
 from diffprt.progress import status, track
@@ -20,8 +22,9 @@ from diffprt.render import Camera, View, render
 from diffprt.scene import BUILTIN_ENVIRONMENTS, Light, Scene, load_environment, load_scene
 from diffprt.study.agreement import agreement, eroded
 from diffprt.study.comparison_sheet import comparison_sheet
+from diffprt.study.mitsuba_bsdf import mitsuba_bsdf
 from diffprt.study.mitsuba_scene import mitsuba_scene, path_trace, start_mitsuba
-from diffprt.transfer import Receivers, Transfer, bake
+from diffprt.transfer import GlossyTransfer, Receivers, Transfer, bake, bake_glossy
 from diffprt.transfer.surfaces import Surfaces
 
 # Samples a side of our pixels: edges inside the object are averaged as the path tracer's box filter does.
@@ -39,6 +42,9 @@ def reference_study(
     size: int = 256,
     samples: int = 1024,
     albedo: float | tuple[float, float, float] | None = None,
+    brdf: Sequence[Brdf] = (),
+    order_out: int | None = None,
+    up: str | None = None,
 ) -> dict:
     """Bakes a scene, renders it under each light and compares with Mitsuba's path tracer.
 
@@ -48,10 +54,13 @@ def reference_study(
         output: folder for a sheet, two pictures (EXR) and their difference (EXR) per light.
         order: SH bands of transfer and light.
         rays: rays per receiver.
-        bounces: diffuse interreflections; Mitsuba's paths are as long.
+        bounces: interreflections; Mitsuba's paths are as long.
         size: pixels a side.
         samples: Mitsuba's paths per pixel in each of two independent halves.
         albedo: replaces every albedo.
+        brdf: makes surfaces glossy: one for all, or one per material.
+        order_out: SH bands of glossy exit radiance; `order` without it.
+        up: the axis of a scene file that points up; "y" without it.
 
     Returns:
         Plain numbers: `settings`, `versions`, `notes`, `counts`, `timings` and `rows`, one per light, with
@@ -63,13 +72,22 @@ def reference_study(
     if samples < 1 or size < 8:
         raise InputError(f"samples is {samples} and size {size}: give samples of 1 and a size of 8 or more")
     mitsuba, note = start_mitsuba()
-    scene = load_scene(source)
+    if len(brdf) and albedo is not None:
+        raise InputError("albedo is given with brdf, which has its own reflectance: leave one of them out")
+    # What Mitsuba does not know is refused before the bake.
+    for one in brdf:
+        mitsuba_bsdf(mitsuba, one)
+    scene = load_scene(source) if up is None else Scene.load(source, up=up)
     if albedo is not None:
         scene = scene.with_albedo(torch.as_tensor(albedo, dtype=torch.float32))
     # All lights are read before the first ray is traced: a wrong name costs no time.
     projected = [_light(name, order) for name in lights]
     baked: dict = {}
-    transfer = bake(scene, order=order, rays=rays, bounces=bounces, track=track, report=baked)
+    options = {"order": order, "rays": rays, "bounces": bounces, "track": track, "report": baked}
+    if len(brdf):
+        transfer = bake_glossy(scene, brdf[0] if len(brdf) == 1 else brdf, order_out=order_out, **options)
+    else:
+        transfer = bake(scene, **options)
     camera = Camera.framing(transfer.receivers.positions, width=size, height=size)
     visible = receiver_pixels(scene, camera)
     output = Path(output)
@@ -77,7 +95,9 @@ def reference_study(
     rows = []
     for name, light in zip(lights, projected, strict=True):
         with status(f"path tracing under {Path(name).stem}"):
-            row, pictures = compare(mitsuba, scene, transfer, light, camera, visible, bounces=bounces, samples=samples)
+            row, pictures = compare(
+                mitsuba, scene, transfer, light, camera, visible, bounces=bounces, samples=samples, brdf=brdf
+            )
         files = _write(output, f"{scene.name}_{Path(name).stem}", pictures, row)
         rows.append({"light": Path(name).stem, **row, "window": light.report, "files": files})
     return {
@@ -91,6 +111,9 @@ def reference_study(
             "samples_per_half": samples,
             "samples_a_side": _SAMPLES,
             "albedo": albedo,
+            "brdf": [describe_brdf(b) for b in brdf],
+            "up": up,
+            "order_out": transfer.order_out if len(brdf) else None,
             "window": "auto",
             "mask": "fully covered in both pictures, less one pixel at the border",
             "camera": {"eye": camera.eye, "target": camera.target, "fov": camera.fov},
@@ -107,19 +130,21 @@ def reference_study(
 def compare(
     mitsuba,
     scene: Scene,
-    transfer: Transfer,
+    transfer: Transfer | GlossyTransfer,
     light: Light,
     camera: Camera,
     visible: torch.Tensor,
     *,
     bounces: int,
     samples: int,
+    brdf: Sequence[Brdf] = (),
     reference_light: Light | None = None,
 ) -> tuple[dict, dict]:
     """One picture of `transfer` against two halves from Mitsuba.
 
     Args:
         visible: bool [H, W] from `receiver_pixels`.
+        brdf: what glossy transfer was baked with.
         reference_light: what Mitsuba gets in place of `light`, to see that the comparison tells them apart.
 
     Returns:
@@ -128,7 +153,7 @@ def compare(
     begun = time.perf_counter()
     ours = render(transfer, light, camera, samples=_SAMPLES)
     rendered = time.perf_counter()
-    target = mitsuba_scene(mitsuba, scene, reference_light or light, camera)
+    target = mitsuba_scene(mitsuba, scene, reference_light or light, camera, brdf)
     halves = [path_trace(mitsuba, target, bounces=bounces, samples=samples, seed=seed) for seed in (0, 1)]
     traced = time.perf_counter()
     covered = visible & (halves[0][..., 3] > 1 - 1e-6) & (halves[1][..., 3] > 1 - 1e-6)

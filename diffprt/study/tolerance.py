@@ -13,6 +13,7 @@ import numpy as np
 
 from diffprt.errors import InputError
 from diffprt.scene import READERS, Scene, load_scene
+from diffprt.study.rows import Rows
 from diffprt.study.tolerance_chart import tolerance_chart
 from diffprt.study.tolerance_scenes import random_scene
 from diffprt.study.tolerance_truth import Truth, fewest_rays
@@ -67,7 +68,7 @@ def tolerance_study(
         )
     output = Path(output)
     output.mkdir(parents=True, exist_ok=True)
-    kept = _Rows(output / "rows.jsonl")
+    kept = Rows(output / "rows.jsonl")
     notes: list[str] = []
     rows: list[dict] = []
     for scene in _scenes(sources, data, random, seed, notes):
@@ -148,7 +149,7 @@ def _scenes(
 
 
 def _scene_rows(
-    scene: Scene, settings: BakeSettings, tolerances: list[float], truth_rays: int, kept: _Rows, say: Say
+    scene: Scene, settings: BakeSettings, tolerances: list[float], truth_rays: int, kept: Rows, say: Say
 ) -> Iterator[dict]:
     """Rows of one scene and number of bounces; those that are kept already cost nothing."""
     keys = {tolerance: _key(scene, settings, tolerance, truth_rays) for tolerance in tolerances}
@@ -204,24 +205,3 @@ def _key(scene: Scene, settings: BakeSettings, tolerance: float, truth_rays: int
     """What a row depends on; rays are what the run finds."""
     options = settings.as_dict() | {"rays": None, "tolerance": tolerance, "truth_rays": truth_rays}
     return hashlib.sha256(json.dumps([scene.name, scene.hash(), options]).encode()).hexdigest()[:16]
-
-
-class _Rows:
-    """Finished rows, one JSON line each; a line cut off by a kill is made again."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self.rows: dict[str, dict] = {}
-        lines = path.read_text("utf-8").splitlines() if path.exists() else []
-        for line in lines:
-            try:
-                entry = json.loads(line)
-                self.rows[entry["key"]] = entry["row"]
-            except (ValueError, KeyError, TypeError):
-                continue
-
-    def add(self, key: str, row: dict) -> None:
-        """Keeps a row, in memory and on disk."""
-        self.rows[key] = row
-        with self.path.open("a", encoding="utf-8") as file:
-            file.write(json.dumps({"key": key, "row": row}, sort_keys=True) + "\n")

@@ -3,6 +3,10 @@
 from diffprt.transfer.bake import bake, trace
 from diffprt.transfer.chunks import discard_chunks
 from diffprt.transfer.estimate import OPERATORS, Estimate, available_memory, check_memory, check_time, estimate_bake
+from diffprt.transfer.glossy import bake_glossy
+from diffprt.transfer.glossy_estimate import GlossyEstimate, check_glossy_memory, check_glossy_time, estimate_glossy
+from diffprt.transfer.glossy_settings import GlossySettings
+from diffprt.transfer.glossy_signal import GlossyTransfer
 from diffprt.transfer.operator import BounceOperator, StoredOperator, interreflect
 from diffprt.transfer.receivers import Receivers
 from diffprt.transfer.sampling_rate import SamplingRate, choose_rays, rays_for_seconds, rays_for_tolerance
@@ -20,6 +24,9 @@ __all__ = [
     "BounceOperator",
     "Convergence",
     "Estimate",
+    "GlossyEstimate",
+    "GlossySettings",
+    "GlossyTransfer",
     "Interrupted",
     "Receivers",
     "SamplingRate",
@@ -29,6 +36,9 @@ __all__ = [
     "Transport",
     "available_memory",
     "bake",
+    "bake_glossy",
+    "check_glossy_memory",
+    "check_glossy_time",
     "check_memory",
     "check_openness",
     "check_time",
@@ -36,6 +46,7 @@ __all__ = [
     "converge",
     "discard_chunks",
     "estimate_bake",
+    "estimate_glossy",
     "interreflect",
     "rays_for_seconds",
     "rays_for_tolerance",

@@ -63,17 +63,16 @@ class GlossyBouncer:
             [R, C, K_out, K], light on the scene's axes, exit radiance on the receivers' own. Gradients reach
             `transfer` and the BRDFs.
         """
-        channels, _, count = transfer.shape[1:]
         row, source, incoming, leaving = self._hits(rows)
-        emitted = rows_times_matrices(
-            sh.basis(leaving, self._materials.order_out).to(transfer.dtype),
-            source,
-            transfer.transpose(1, 2).flatten(2),
-        ).unflatten(1, (channels, count))
+        towards = sh.basis(leaving, self._materials.order_out).to(transfer.dtype)
         reflected = self._materials.reflect(incoming, self._materials.of_receiver[rows.start + row]).to(transfer.dtype)
         reflected = reflected * (math.pi / len(self._pattern.spiral))
-        per_channel = [sum_of_outer_products(reflected[:, c], emitted[:, c], row, len(rows)) for c in range(channels)]
-        return torch.stack(per_channel, dim=1)
+        gathered = []
+        # Channel by channel, because one product for all would first copy the transfer of every source.
+        for channel in range(transfer.shape[1]):
+            emitted = rows_times_matrices(towards, source, transfer[:, channel])
+            gathered.append(sum_of_outer_products(reflected[:, channel], emitted, row, len(rows)))
+        return torch.stack(gathered, dim=1)
 
     def _hits(self, rows: range) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]:
         """Rays that end on a surface that reflects.

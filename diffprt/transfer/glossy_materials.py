@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 
@@ -53,6 +53,10 @@ class GlossyMaterials:
         counts = torch.tensor([len(mesh.positions) for mesh in shown])
         index = torch.tensor([mesh.material if len(brdfs) > 1 else 0 for mesh in shown])
         return GlossyMaterials(reflection, shading, index.repeat_interleave(counts))
+
+    def reordered(self, order: torch.Tensor) -> GlossyMaterials:
+        """The same tables for receivers in another `order`, int64 [V]."""
+        return replace(self, of_receiver=self.of_receiver[order])
 
     @property
     def order_out(self) -> int:

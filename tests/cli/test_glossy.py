@@ -1,0 +1,142 @@
+"""Glossy scenes on the command line: bake, render, info, and one clear line for every mistake."""
+
+import json
+
+import pytest
+import torch
+
+from diffprt.asset import load
+from diffprt.cli import main
+from diffprt.images import read_image
+from diffprt.transfer import GlossyTransfer
+
+
+def run(*arguments: object) -> int:
+    """Runs a command in this process; its exit status."""
+    with pytest.raises(SystemExit) as ended:
+        main([str(a) for a in arguments])
+    return ended.value.code
+
+
+SMALL = ("--order", 3, "--rays", 64, "--bounces", 1)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A glossy asset and the report of its bake."""
+    place = tmp_path_factory.mktemp("glossy")
+    options = ("--brdf", "phong:exponent=16,specular=0.5", "--order-out", 4, "--threads", 1)
+    assert (
+        run("bake", "builtin:wall_and_floor", *SMALL, *options, "-o", place / "a.prt", "--json", place / "a.json") == 0
+    )
+    return place
+
+
+def test_the_main_job_with_reports(folder, tmp_path, capsys):
+    asset, report = load(folder / "a.prt"), json.loads((folder / "a.json").read_text())
+    assert isinstance(asset, GlossyTransfer) and (asset.order, asset.order_out) == (3, 4)
+    assert asset.settings == report["settings"]
+    assert asset.settings["brdf"] == [{"name": "phong", "diffuse": 0.0, "specular": 0.5, "exponent": 16.0}]
+    receivers = len(asset.receivers)
+    assert report["counts"]["rays"] == receivers * (64 + 256) and report["counts"]["bytes"] == asset.nbytes
+    assert report["timings"]["total"] > 0 and report["errors"] == asset.certificate
+    size = (folder / "a.prt").stat().st_size
+    assert report["outputs"]["bytes"] == size
+    assert report["estimate"]["asset_bytes"] == pytest.approx(size, rel=0.2)
+    pictures = []
+    for azimuth in (20, 50):
+        out, turned = tmp_path / f"{azimuth}.exr", ("--azimuth", azimuth, "--light-azimuth", azimuth)
+        options = ("--light", "studio", "--size", 32, "--samples", 1, "--background", 0)
+        assert run("render", folder / "a.prt", *options, *turned, "-o", out, "--json", tmp_path / "r.json") == 0
+        pictures.append(read_image(out))
+    counts = json.loads((tmp_path / "r.json").read_text())["counts"]
+    assert counts["covered_pixels"] > 200 and counts["mean_radiance"] > 0
+    assert float((pictures[0] - pictures[1]).abs().mean()) > 0.05 * float(pictures[0].abs().mean())
+    capsys.readouterr()
+    assert run("info", folder / "a.prt") == 0
+    text = capsys.readouterr().out
+    assert "glossy_transfer" in text and "16x9" in text and '"exponent": 16.0' in text
+
+
+def test_the_same_bytes_for_any_number_of_threads(folder, tmp_path):
+    options = ("--brdf", "phong:exponent=16,specular=0.5", "--order-out", 4, "--threads", 2)
+    assert run("bake", "builtin:wall_and_floor", *SMALL, *options, "-o", tmp_path / "b.prt") == 0
+    assert (tmp_path / "b.prt").read_bytes() == (folder / "a.prt").read_bytes()
+
+
+def test_one_brdf_per_material(tmp_path):
+    out = tmp_path / "a.prt"
+    brdfs = ("--brdf", "ggx:roughness=0.5,specular=0.9,0.6,0.3", "--brdf", "lambert:diffuse=0.4")
+    assert run("bake", "builtin:sphere", "--ground", *SMALL, *brdfs, "-o", out) == 0
+    asset = load(out)
+    assert asset.channels == 3 and [b["name"] for b in asset.settings["brdf"]] == ["ggx", "lambert"]
+
+
+def test_dry_run_prints_and_does_nothing(tmp_path, capsys):
+    report = tmp_path / "r.json"
+    options = ("--brdf", "ggx", "--dry-run", "-o", tmp_path / "a.prt", "--json", report)
+    assert run("bake", "builtin:wall_and_floor", *SMALL, *options) == 0
+    text = capsys.readouterr().out
+    for word in ("time", "memory", "asset", "receivers"):
+        assert word in text
+    assert not (tmp_path / "a.prt").exists()
+    assert json.loads(report.read_text())["estimate"]["seconds"] > 0
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--brdf", "shiny"), "brdf 'shiny': name 'shiny' is unknown: use one of lambert, phong"),
+        (("--brdf", "phong:exponent=2e6"), "exponent is 2000000.0: give 0 to"),
+        (("--brdf", "ggx:roughness=0"), "roughness is 0.0: give 0.001 to 1"),
+        (("--brdf", "ggx", "--order-out", 11), "order 11 is outside 1..10"),
+        (("--brdf", "ggx", "--bounces", "converged"), "bounces is 'converged'"),
+        (("--brdf", "ggx", "--tolerance", 0.1), "--tolerance is given with --brdf"),
+        (("--brdf", "ggx", "--seconds", 5), "--seconds is given with --brdf"),
+        (("--brdf", "ggx", "--plan", "sky"), "--plan is given with --brdf"),
+        (("--brdf", "ggx", "--albedo", 0.5), "--albedo is given with --brdf"),
+        (("--brdf", "ggx", "--operator", "recompute"), "--operator is given with --brdf"),
+        (("--brdf", "ggx", "--brdf", "phong", "--brdf", "ggx"), "3 BRDFs for 2 materials"),
+        (("--brdf", "ggx", "--hours", 1e-7), "allow it with --hours 1"),
+        (("--order-out", 3), "--order-out is given without --brdf"),
+    ],
+    ids=lambda value: " ".join(map(str, value)) if isinstance(value, tuple) else None,
+)
+def test_mistakes_are_one_line(options, message, tmp_path, capsys):
+    assert run("bake", "builtin:wall_and_floor", "--order", 3, "--rays", 64, *options, "-o", tmp_path / "a.prt") == 2
+    error = capsys.readouterr().err
+    assert error.startswith("diffprt: ") and error.count("\n") == 1 and message in error
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_too_large_for_memory(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("diffprt.cli.glossy.available_memory", lambda: 1 << 20)
+    assert run("bake", "builtin:wall_and_floor", "--brdf", "ggx", *SMALL, "-o", tmp_path / "a.prt") == 2
+    error = capsys.readouterr().err
+    assert "0.00 GiB are free: use a lower --order (now 3) or --order-out (now 3)" in error
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_interrupted(tmp_path, capsys, monkeypatch):
+    from diffprt.transfer.glossy_passes import GlossyPasses
+
+    bounce = GlossyPasses.bounce
+    calls = []
+
+    def stop(self, rows: range, transfer: torch.Tensor) -> torch.Tensor:
+        calls.append(rows)
+        # The trial before the bake calls it a few times.
+        if len(transfer.stride()) == 4 and transfer.stride(0) > 0:
+            raise KeyboardInterrupt
+        return bounce(self, rows, transfer)
+
+    monkeypatch.setattr(GlossyPasses, "bounce", stop)
+    assert run("bake", "builtin:wall_and_floor", "--brdf", "ggx", *SMALL, "-o", tmp_path / "a.prt") == 130
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and "chunks of bounce 1 of 1 were done, and nothing is kept" in error
+    assert calls and list(tmp_path.iterdir()) == []
+
+
+def test_other_rooms_say_that_they_do_not_know_it(folder, tmp_path, capsys):
+    assert run("export", folder / "a.prt", "-o", tmp_path / "page") == 2
+    assert "GlossyTransfer, which has no shader" in capsys.readouterr().err

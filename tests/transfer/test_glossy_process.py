@@ -1,0 +1,84 @@
+"""A glossy bake as a process: its estimate, its limits, its reports, and vertices in any order."""
+
+import pytest
+import torch
+
+from diffprt.brdf import GGX, ModifiedPhong
+from diffprt.errors import InputError
+from diffprt.scene import Scene
+from diffprt.transfer import (
+    GlossySettings,
+    Interrupted,
+    Surfaces,
+    bake_glossy,
+    check_glossy_memory,
+    check_glossy_time,
+    estimate_glossy,
+)
+from diffprt.transfer.glossy_estimate import glossy_memory
+
+
+def test_order_6_and_more_go_through(bumpy):
+    """Bands of visibility reach order 15 here, beyond those of lights."""
+    transfer = bake_glossy(bumpy, ModifiedPhong(16.0), order=6, order_out=10, rays=32, bounces=0)
+    assert transfer.glossy.shape[2:] == (100, 36) and bool(torch.isfinite(transfer.glossy).all())
+
+
+def test_vertices_may_come_in_any_order(bumpy):
+    """Receivers are traced along a curve; patterns follow positions, so a shuffled mesh has the same transfer."""
+    mesh = bumpy.meshes[0]
+    shuffle = torch.randperm(len(mesh.positions), generator=torch.Generator().manual_seed(0))
+    place = torch.empty_like(shuffle)
+    place[shuffle] = torch.arange(len(shuffle))
+    mixed = Scene.from_mesh(mesh.positions[shuffle], place[mesh.faces], normals=mesh.normals[shuffle])
+    options = {"order": 2, "rays": 64, "bounces": 1, "bounce_rays": 64}
+    one, two = (bake_glossy(s, GGX(0.5), **options).glossy for s in (bumpy, mixed))
+    off = (two - one[shuffle]).flatten(1).norm(dim=1) / one.flatten(1).norm(dim=1).mean()
+    # A ray along an edge may go either way once the triangles have another order.
+    assert float(off.median()) < 1e-5
+    assert float(off.quantile(0.95)) < 0.02
+
+
+def test_estimate_knows_sizes(bumpy):
+    small, large = (GlossySettings(order, 64, 1, order_out=2) for order in (2, 4))
+    one, two = (estimate_glossy(bumpy, GGX(0.5), s, threads=1) for s in (small, large))
+    signal = bake_glossy(bumpy, GGX(0.5), **small.as_dict()).nbytes
+    assert signal < one.asset_bytes < signal + 100 * len(Surfaces.of(bumpy).receivers)
+    assert two.memory_bytes > one.memory_bytes > 2 * signal
+    assert one.rays == one.receivers * (64 + 256) and one.seconds > 0
+    with pytest.raises(InputError, match=r"allow it with --hours \d+"):
+        check_glossy_time(one, 1e-9)
+    with pytest.raises(InputError, match=r"0\.00 GiB are free: use a lower --order \(now 2\)"):
+        check_glossy_memory(one.memory_bytes, 1000, small)
+
+
+def test_a_bake_beyond_memory_is_refused_before_work(bumpy, monkeypatch):
+    monkeypatch.setattr("diffprt.transfer.glossy.available_memory", lambda: 1 << 16)
+    monkeypatch.setattr("diffprt.transfer.glossy.GlossyMaterials.of", lambda *_: pytest.fail("work began"))
+    with pytest.raises(InputError, match="this glossy bake needs about"):
+        bake_glossy(bumpy, GGX(0.5), order=3, rays=64)
+
+
+def test_memory_grows_with_channels_and_bounces(bumpy):
+    surfaces = Surfaces.of(bumpy)
+    plain, bounced = GlossySettings(6, 64, 0), GlossySettings(6, 64, 2)
+    signal = len(surfaces.receivers) * 36 * 36 * 4
+    assert glossy_memory(surfaces, 3, plain, 1) - glossy_memory(surfaces, 1, plain, 1) >= 4 * signal
+    assert glossy_memory(surfaces, 1, bounced, 1) > glossy_memory(surfaces, 1, plain, 1) + signal
+
+
+def test_ctrl_c_says_what_is_lost(bumpy, monkeypatch):
+    def stop(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("diffprt.transfer.glossy_passes.GlossyPasses.shadows", stop)
+    with pytest.raises(Interrupted, match="0 of 1 chunks of shadows were done, and nothing is kept"):
+        bake_glossy(bumpy, GGX(0.5), order=2, rays=64)
+
+
+def test_settings_hold_every_option_as_plain_values():
+    settings = GlossySettings(4, 2048, 2)
+    assert (settings.order_out, settings.bounce_rays) == (4, 512)
+    assert GlossySettings(**settings.as_dict()) == settings
+    with pytest.raises(InputError, match="order 11"):
+        GlossySettings(order_out=11)
