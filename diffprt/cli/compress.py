@@ -12,7 +12,7 @@ from diffprt.compress import FORMATS, METHODS, STARTS, compress, light_prior
 from diffprt.errors import InputError
 from diffprt.progress import status
 from diffprt.scene import Environment
-from diffprt.transfer import Transfer
+from diffprt.transfer import GlossyTransfer, Transfer
 
 
 def run(
@@ -44,7 +44,8 @@ def run(
         raise InputError(f"output {output} has ending '{output.suffix}': give a .prt file")
     transfer = assets.load(source)
     if not isinstance(transfer, Transfer):
-        raise InputError(f"asset {source} is already compressed: give the one that 'diffprt bake' made")
+        kind = "glossy" if isinstance(transfer, GlossyTransfer) else "already compressed"
+        raise InputError(f"asset {source} is {kind}: give the diffuse one that 'diffprt bake' made")
     check_output(output)
     lights = [Environment.load(path).project(transfer.order).coefficients for path in prior or []]
     report: dict = {}

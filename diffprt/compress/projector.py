@@ -58,7 +58,7 @@ def principal_projection(
         raise InputError(f"components is {components}: give 0 or more, such as 8")
     weight = vectors.new_ones(len(vectors)) if members is None else members
     total = weight.sum()
-    if not float(total) > 0:
+    if not float(total.detach()) > 0:
         raise InputError("members weigh nothing: give a cluster that has members")
     mean = weight @ vectors / total
     centered = vectors - mean

@@ -292,8 +292,8 @@ def test_without_faiss(bumpy, tmp_path, monkeypatch, undrawn):
     assert "faiss is not installed" in report["notes"][0]
 
 
-def test_original_is_fair_beside_faiss(bumpy, tmp_path, peer, undrawn):
-    peer("faiss")
+def test_original_is_fair_beside_faiss(bumpy, tmp_path, undrawn):
+    pytest.importorskip("faiss", reason="needs the study extra")
     report = overdraw_study([bumpy], tmp_path, **(QUICK | {"methods": ["lbg", "faiss"], "clusters": [4], "seeds": 3}))
     (verdict,) = report["summary"]["groups"]
     assert verdict["fair"]["starts"] == 3
