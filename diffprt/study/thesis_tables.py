@@ -5,7 +5,7 @@ formed with geometry coherence; in those of the Horse and the Bunny it stays wit
 falls, so the clusters are the original ones, grouped into super-clusters. Squared errors depend on the scale of BRDF
 and light, which the thesis does not give: only their ratios within a table can be set beside others.
 
-Source: Chen 2005 (thesis), tables 5.1 to 5.17.
+Source: Chen 2005 (thesis), tables 5.2 to 5.17; 5.1 lists its meshes.
 """
 
 from __future__ import annotations
@@ -17,9 +17,6 @@ REDUCED = "overdraw reduction"
 OURS = "its own"
 REDUCED_OURS = "overdraw reduction + its own"
 
-# Table 5.1: vertices, triangles, megabytes of transfer (3 channels of 1296 float32), by model.
-MODELS = {"Dino": (23984, 47904, 355), "Horse": (19851, 39698, 294), "Bunny": (34834, 69451, 516)}
-COMPONENTS = 8
 # The registers that section 4.3 computes with.
 REGISTERS = 256
 

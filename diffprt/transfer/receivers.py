@@ -102,7 +102,7 @@ class Receivers:
         """The receivers in the order of a Z-curve through space (Morton 1966), int64 [V].
 
         Rays of neighbors meet the same nodes and triangles: traced one after the other, they find them in the
-        processor's caches, which doubles the speed on meshes that do not fit there.
+        processor's caches.
         """
         low = self.positions.amin(0)
         size = float((self.positions.amax(0) - low).max()) or 1.0
@@ -115,8 +115,7 @@ class Receivers:
 
     def reordered(self, order: torch.Tensor) -> Receivers:
         """The receivers `order`, a permutation int64 [V], with the faces that connect them."""
-        place = torch.empty_like(order)
-        place[order] = torch.arange(len(order))
+        place = order.argsort()
         return replace(self.picked(order), faces=place[self.faces])
 
     def picked(self, pick: torch.Tensor) -> Receivers:

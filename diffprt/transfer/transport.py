@@ -186,8 +186,7 @@ def trace_transport(
         parts = [store.read(chunk) for chunk in range(tracer.chunks)]
         sums = torch.from_numpy(np.concatenate([p["sums"] for p in parts], axis=1))
         blocked = torch.from_numpy(np.concatenate([p["blocked"] for p in parts]))
-        place = torch.empty_like(order)
-        place[order] = torch.arange(len(order))
+        place = order.argsort()
         direct, error = (part[place] for part in direct_transfer(ordered.normals, sums, blocked, settings.rays))
         blocked, scramble = blocked[place], scramble[place]
         operator: BounceOperator | None = None
