@@ -11,7 +11,7 @@ import typer
 from diffprt import asset as assets
 from diffprt.brdf import parse_brdf
 from diffprt.cli.glossy import bake_glossy_scene, refuse_with_brdf
-from diffprt.cli.inputs import load_light, load_scene
+from diffprt.cli.inputs import load_light, load_scene, parse_bounces
 from diffprt.cli.report import JsonFile, check_output, print_table, size_text, write_report
 from diffprt.errors import InputError
 from diffprt.plan import plan
@@ -61,6 +61,7 @@ def run(
     occluder: list[str] = typer.Option([], help="A mesh that only blocks light; may be repeated."),
     non_finite: str = typer.Option("refuse", help="refuse, or drop: what to do with NaN vertices."),
     winding: str = typer.Option("repair", help="repair, or keep: for rooms that are seen from within."),
+    recenter: bool = typer.Option(False, help="Move the scene to the origin before its coordinates are rounded."),
     fill_inside: bool = typer.Option(True, help="Fill receivers inside geometry from their neighbors outside."),
     operator: str = typer.Option(
         "auto", help="stored: keep what rays hit for the bounces; recompute: trace again for each; auto: what fits."
@@ -69,7 +70,7 @@ def run(
     dry_run: bool = typer.Option(False, help="Print expected time, memory and bytes; do nothing."),
     json_file: Path = JsonFile,
 ) -> None:
-    asked = _parse_bounces(bounces)
+    asked = parse_bounces(bounces)
     settings = BakeSettings.of(quality, order=order, rays=rays, bounces=asked, seed=seed)
     if operator not in OPERATORS:
         raise InputError(f"operator is '{operator}': use one of {', '.join(OPERATORS)}")
@@ -88,7 +89,14 @@ def run(
     elif order_out is not None:
         raise InputError("--order-out is given without --brdf: exit radiance has bands where surfaces are glossy")
     scene = load_scene(
-        source, albedo=albedo, ground=ground, occluders=occluder, up=up, non_finite=non_finite, winding=winding
+        source,
+        albedo=albedo,
+        ground=ground,
+        occluders=occluder,
+        up=up,
+        non_finite=non_finite,
+        winding=winding,
+        recenter=recenter,
     )
     for line in scene.defects.lines():
         print(f"note: {line}")
@@ -109,12 +117,10 @@ def run(
     if planned != "off":
         with status("planning"):
             light = None if planned == "on" else load_light(planned, 10)
-            counted = None if asked == CONVERGED else asked
-            decided = plan(scene, tolerance or 0.01, light=light, order=order, bounces=counted)
+            decided = plan(scene, tolerance or 0.01, light=light, order=order, bounces=asked)
         for line in decided.lines():
             print(line)
-        bounced = asked if asked == CONVERGED and decided.shadows.value else decided.bounces.value
-        settings = replace(settings, order=decided.order.value, bounces=bounced)
+        settings = replace(settings, order=decided.order.value, bounces=decided.bounces.value)
     rate = None
     with status("trying a few rays"):
         # Where a plan proves that nothing is shadowed, no ray will be traced and none need be chosen.
@@ -166,16 +172,6 @@ def run(
         "outputs": {"asset": str(output), "bytes": size},
     }
     write_report(json_file, "bake", report)
-
-
-def _parse_bounces(text: str | None) -> int | str | None:
-    """A number of bounces, or "converged"."""
-    if text is None or text == CONVERGED:
-        return text
-    try:
-        return int(text)
-    except ValueError:
-        raise InputError(f"bounces is '{text}': give 0 to 64, such as 2, or converged") from None
 
 
 def _error_text(errors: dict) -> str:

@@ -8,6 +8,7 @@ from pathlib import Path
 import torch
 
 from diffprt.errors import InputError
+from diffprt.plan import CONVERGED
 from diffprt.scene import BUILTIN_ENVIRONMENTS, Environment, Light, Scene, builtin_environment
 
 
@@ -44,15 +45,29 @@ def parse_size(text: str) -> tuple[int, int]:
     return sides[0], sides[-1]
 
 
-def load_scene(source: str, *, albedo: str | None, ground: bool, occluders: list[str], **loading: str | None) -> Scene:
+def parse_bounces(text: str | None) -> int | str | None:
+    """A number of bounces, or "converged"."""
+    if text is None or text == CONVERGED:
+        return text
+    try:
+        return int(text)
+    except ValueError:
+        raise InputError(f"bounces is '{text}': give 0 to 64, such as 2, or converged") from None
+
+
+def load_scene(
+    source: str, *, albedo: str | None, ground: bool, occluders: list[str], **loading: str | bool | None
+) -> Scene:
     """The scene of a file or "builtin:NAME", with what options add to it.
 
     Args:
         albedo: replaces every albedo of `source`, one number or three; None keeps them.
         ground: adds a ground that catches shadows.
         occluders: files or "builtin:NAME" that only block light.
-        loading: `up`, `non_finite` and `winding` of `Scene.load`, for `source` and occluders.
+        loading: `up`, `non_finite`, `winding` and `recenter` of `Scene.load`, for `source` and occluders.
     """
+    if loading.get("recenter") and occluders:
+        raise InputError("--recenter moves every file on its own: leave out --occluder, or join the files before")
     scene = Scene.load(source, **loading)
     if albedo is not None:
         scene = scene.with_albedo(torch.tensor(parse_color(albedo, "albedo")))

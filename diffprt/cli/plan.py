@@ -8,7 +8,7 @@ from pathlib import Path
 
 import typer
 
-from diffprt.cli.inputs import load_light, load_scene
+from diffprt.cli.inputs import load_light, load_scene, parse_bounces
 from diffprt.cli.report import JsonFile, write_report
 from diffprt.plan import plan
 from diffprt.plan.decision import EFFECTS, value_text
@@ -22,7 +22,7 @@ def run(
     tolerance: float = typer.Option(0.01, help="Relative error that all that is left out may have, in (0, 1]."),
     light: str = typer.Option(None, help="The light to plan for: sky, studio, ..., or an equirectangular map."),
     shadows: bool = typer.Option(None, help="Ask for shadows, or for none."),
-    bounces: int = typer.Option(None, help="Ask for this many diffuse interreflections."),
+    bounces: str = typer.Option(None, help="Ask for this many diffuse interreflections, or converged."),
     channels: int = typer.Option(None, help="Ask for 1 or 3 channels."),
     order: int = typer.Option(None, help="Ask for this many SH bands, 1 to 10."),
     albedo: str = typer.Option(None, help="Replaces every albedo: 0.8 or r,g,b."),
@@ -33,6 +33,7 @@ def run(
     winding: str = typer.Option("repair", help="repair, or keep: for rooms that are seen from within."),
     json_file: Path = JsonFile,
 ) -> None:
+    asked = parse_bounces(bounces)
     scene = load_scene(
         source, albedo=albedo, ground=ground, occluders=occluder, up=up, non_finite=non_finite, winding=winding
     )
@@ -41,7 +42,7 @@ def run(
     lit = None if light is None else load_light(light, 10)
     begun = time.perf_counter()
     with status("sending pilot rays"):
-        decided = plan(scene, tolerance, light=lit, shadows=shadows, bounces=bounces, channels=channels, order=order)
+        decided = plan(scene, tolerance, light=lit, shadows=shadows, bounces=asked, channels=channels, order=order)
     seconds = time.perf_counter() - begun
     print(f"{source}: tolerance {100 * tolerance:g} %" + (f", light {light}" if light else "") + "\n")
     print(_row("effect", "decision", "reason"))

@@ -18,7 +18,7 @@ Statements from pilot rays hold at one-sided 95 % confidence. A smaller toleranc
 same rays are used at every tolerance, and each bound is compared with a fixed share of it.
 """
 
-from diffprt.plan.decision import Decision, Plan
+from diffprt.plan.decision import CONVERGED, Decision, Plan
 from diffprt.plan.plan import plan
 
-__all__ = ["Decision", "Plan", "plan"]
+__all__ = ["CONVERGED", "Decision", "Plan", "plan"]

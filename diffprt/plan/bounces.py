@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import torch
 
 from diffprt.plan.confidence import CONFIDENCE, mean_above, mean_below, share_below
-from diffprt.plan.decision import Decision, percent
+from diffprt.plan.decision import CONVERGED, Decision, percent
 from diffprt.plan.pilot import MOST_BOUNCES, Pilot, Walks
 
 # Norms of an open receiver's transfer in one band, and in all: no receiver's has more.
@@ -73,7 +73,7 @@ def contraction(pilot: Pilot, walks: Walks) -> Contraction:
 
 
 def decide_bounces(shadows: bool, pilot: Pilot | None, walks: Walks | None, tolerance: float) -> Decision:
-    """The fewest bounces whose remainder is bounded by `tolerance`."""
+    """The fewest bounces whose remainder is bounded by `tolerance`; all of them where light hardly fades."""
     if pilot is None:
         return Decision(0, "proved: no receiver sees a surface", {"error": 0.0})
     if not shadows:
@@ -107,8 +107,8 @@ def decide_bounces(shadows: bool, pilot: Pilot | None, walks: Walks | None, tole
         "confidence": CONFIDENCE,
     }
     if errors[bounces] > tolerance:
-        reason = f"the most there are: light hardly fades, by a factor of {fading.factor:.3f} a bounce, and "
-        return Decision(MOST_BOUNCES, f"{reason}{percent(errors[bounces])} may remain", evidence)
+        reason = f"light hardly fades, by a factor of {fading.factor:.3f} a bounce: after {MOST_BOUNCES}, "
+        return Decision(CONVERGED, f"{reason}{percent(errors[bounces])} may remain", evidence)
     if bounces == 0:
         return Decision(0, f"all that is reflected is at most {percent(errors[0])} of the signal", evidence)
     reason = (
@@ -118,7 +118,7 @@ def decide_bounces(shadows: bool, pilot: Pilot | None, walks: Walks | None, tole
     return Decision(bounces, reason, evidence)
 
 
-def decide_channels(bounces: int, pilot: Pilot | None, walks: Walks | None, tolerance: float) -> Decision:
+def decide_channels(bounces: int | str, pilot: Pilot | None, walks: Walks | None, tolerance: float) -> Decision:
     """Three where one albedo for all channels changes the signal by more than `tolerance`."""
     if bounces == 0:
         return Decision(1, "nothing is reflected, so nothing colours the light", {"error": 0.0})

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import asdict, dataclass, field, replace
 
+# Bounces of light that hardly fades: all of them, by solving for what they converge to.
+CONVERGED = "converged"
 EFFECTS = ("shadows", "bounces", "channels", "order", "transfer")
 
 
@@ -27,7 +29,7 @@ class Decision:
         finite = {k: v for k, v in self.evidence.items() if not isinstance(v, float) or math.isfinite(v)}
         object.__setattr__(self, "evidence", finite)
 
-    def overridden(self, value: bool | int | None) -> Decision:
+    def overridden(self, value: bool | int | str | None) -> Decision:
         """The same evidence with the value that was asked for; itself when None was."""
         if value is None:
             return self
@@ -41,7 +43,7 @@ class Plan:
 
     Attributes:
         shadows: bool; without them nothing is traced and every receiver is open.
-        bounces: int, diffuse interreflections, 0 to 64; 0 without shadows.
+        bounces: diffuse interreflections, 0 to 64, or "converged" for all of them; 0 without shadows.
         channels: 1 or 3; with 1, interreflection uses the mean of a surface's three albedos.
         order: int, SH bands, 1 to 10.
         transfer: "vector" (exit radiance does not depend on the view).

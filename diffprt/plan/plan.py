@@ -12,7 +12,7 @@ import torch
 from diffprt import sh
 from diffprt.errors import InputError
 from diffprt.plan.bounces import decide_bounces, decide_channels
-from diffprt.plan.decision import Decision, Plan
+from diffprt.plan.decision import CONVERGED, Decision, Plan
 from diffprt.plan.open_proof import prove_open
 from diffprt.plan.order import decide_order
 from diffprt.plan.pilot import HIGHEST_ORDER, MOST_BOUNCES, Pilot
@@ -26,7 +26,7 @@ def plan(
     *,
     light: Light | Environment | None = None,
     shadows: bool | None = None,
-    bounces: int | None = None,
+    bounces: int | str | None = None,
     channels: int | None = None,
     order: int | None = None,
 ) -> Plan:
@@ -92,8 +92,10 @@ def _check(tolerance: object, shadows: object, bounces: object, channels: object
         raise InputError(f"tolerance is {tolerance}: give a relative error in (0, 1], such as 0.01")
     if shadows is not None and not isinstance(shadows, bool):
         raise InputError(f"shadows is {shadows}: give True or False, or leave it out to have it decided")
-    if bounces is not None and not (_whole(bounces) and 0 <= bounces <= MOST_BOUNCES):
-        raise InputError(f"bounces is {bounces}: give 0 to {MOST_BOUNCES}, or leave it out to have it decided")
+    if bounces not in (None, CONVERGED) and not (_whole(bounces) and 0 <= bounces <= MOST_BOUNCES):
+        raise InputError(
+            f"bounces is {bounces}: give 0 to {MOST_BOUNCES} or '{CONVERGED}', or leave it out to have it decided"
+        )
     if channels is not None and not (_whole(channels) and channels in (1, 3)):
         raise InputError(f"channels is {channels}: give 1 or 3, or leave it out to have it decided")
     if order is not None:

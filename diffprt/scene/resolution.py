@@ -11,7 +11,7 @@ _FEWEST_STEPS = 4
 # Steps at the largest coordinate that rays start above a surface (`diffprt.kernels.TriangleMesh.ray_offset`), as a
 # share of the scene's size: worth a remark, and too much.
 _RAY_START_STEPS, _REMARK, _REFUSAL = 16, 1e-3, 0.1
-_REMEDY = "move it to the origin, in 64-bit coordinates (Scene.load and Scene.from_mesh do it with recenter=True)"
+_REMEDY = "move it to the origin, in 64-bit coordinates (--recenter, or recenter=True in Python)"
 
 
 def unresolved_faces(positions: np.ndarray, faces: np.ndarray) -> tuple[int, str]:

@@ -10,7 +10,7 @@ import torch
 
 from diffprt.errors import InputError
 
-_SCRAMBLE_CELLS = 1 << 16
+_SCRAMBLE_CELLS = 1 << 20
 _CURVE_BITS = 16
 
 

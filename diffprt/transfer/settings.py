@@ -7,13 +7,13 @@ from numbers import Integral
 
 from diffprt import sh
 from diffprt.errors import InputError
+from diffprt.plan import CONVERGED
 
 QUALITIES = {
     "draft": {"order": 4, "rays": 256, "bounces": 1},
     "good": {"order": 6, "rays": 1024, "bounces": 2},
     "best": {"order": 8, "rays": 4096, "bounces": 4},
 }
-CONVERGED = "converged"
 
 
 @dataclass(frozen=True)

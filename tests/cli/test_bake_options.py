@@ -3,6 +3,7 @@
 import json
 
 import pytest
+import trimesh
 
 from diffprt.asset import load
 from diffprt.cli.main import main
@@ -60,3 +61,25 @@ def test_refused(options, message, tmp_path, capsys):
     error = capsys.readouterr().err
     assert message in error and len(error.splitlines()) == 1
     assert list(tmp_path.iterdir()) == []
+
+
+def test_recenter_moves_what_lies_far_out(tmp_path, capsys):
+    ball = trimesh.creation.icosphere(subdivisions=2, radius=1e-3)
+    path, target = tmp_path / "far.obj", str(tmp_path / "far.prt")
+    rows = [f"v {x + 1e6:.12f} {y:.12f} {z:.12f}" for x, y, z in ball.vertices.tolist()]
+    rows += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in ball.faces.tolist()]
+    path.write_text("\n".join(rows))
+    command = ["bake", str(path), *SMALL, "--bounces", "0", "-o", target]
+    assert "--recenter" in refused(capsys, *command)
+    run(*command, "--recenter")
+    assert float(load(target).receivers.positions.abs().max()) == pytest.approx(1e-3, rel=1e-3)
+    assert "--occluder" in refused(capsys, *command, "--recenter", "--occluder", str(path))
+
+
+def refused(capsys, *arguments: str) -> str:
+    """The one line with which a command refuses."""
+    with pytest.raises(SystemExit) as ended:
+        main(list(arguments))
+    line = capsys.readouterr().err.strip()
+    assert ended.value.code == 2 and "\n" not in line
+    return line

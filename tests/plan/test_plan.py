@@ -190,7 +190,7 @@ def test_albedo_and_openings_decide_bounces():
     # A bowl's contraction is half its albedo (hard case 6); upper bounds lie above it, but not far.
     assert 0.4 <= plan(bowl.with_albedo(0.8)).bounces.evidence["contraction"] < 0.5
     endless = plan(leaky_box())
-    assert endless.bounces.value == 64 and "the most there are" in endless.bounces.reason
+    assert endless.bounces.value == "converged" and "hardly fades" in endless.bounces.reason
     assert json.loads(json.dumps(endless.as_dict(), allow_nan=False)) == endless.as_dict(), "infinity is no JSON"
     dark = plan(builtin_scene("closed_box", subdivisions=2).with_albedo(1.0)).bounces
     assert dark.value == 0 and "no light comes in" in dark.reason
