@@ -7,7 +7,7 @@ usable alone and on plain tensors. Conventions are stated in `diffprt.sh`.
 from importlib.metadata import version
 
 from diffprt.asset import load, save
-from diffprt.compress import ClusteredTransfer, compress
+from diffprt.compress import ClusteredGlossyTransfer, ClusteredTransfer, compress
 from diffprt.errors import InputError
 from diffprt.export import export
 from diffprt.render import Camera, render
@@ -19,6 +19,7 @@ __version__ = version("diffprt")
 
 __all__ = [
     "Camera",
+    "ClusteredGlossyTransfer",
     "ClusteredTransfer",
     "Environment",
     "InputError",

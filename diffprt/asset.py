@@ -12,7 +12,7 @@ import safetensors
 import safetensors.torch
 import torch
 
-from diffprt.compress import ClusteredTransfer, storage
+from diffprt.compress import ClusteredGlossyTransfer, ClusteredTransfer, storage
 from diffprt.errors import InputError
 from diffprt.transfer import GlossyTransfer, Receivers, Transfer
 
@@ -30,7 +30,7 @@ _KEY = "diffprt"
 _LARGEST_HEADER = 1 << 20
 _LARGEST_TENSOR = 1 << 33
 
-Asset = Transfer | ClusteredTransfer | GlossyTransfer
+Asset = Transfer | ClusteredTransfer | GlossyTransfer | ClusteredGlossyTransfer
 
 
 @dataclass(frozen=True)
@@ -53,6 +53,7 @@ _GEOMETRY = {
     "albedo": ((torch.float32,), 2),
     "faces": ((torch.int32,), 2),
 }
+_RANGES = {name: ((torch.float32,), 2) for name in storage.RANGES}
 _OPENNESS = {"openness": ((torch.float32,), 1), "bent_normals": ((torch.float32,), 2)}
 
 
@@ -62,6 +63,16 @@ def _openness(asset: Transfer | ClusteredTransfer) -> dict[str, torch.Tensor]:
 
 def _unpack_clustered(tensors: dict[str, torch.Tensor]) -> dict:
     return {key: tensors[key] for key in _OPENNESS if key in tensors} | storage.from_tensors(tensors)
+
+
+def _clustered_shapes(rank: int) -> dict[str, tuple[tuple[torch.dtype, ...], int]]:
+    """Of clusters whose means have `rank` dimensions."""
+    return {
+        "labels": (storage.LABEL_TYPES, 1),
+        "means": (_CODE, rank),
+        "bases": (_CODE, rank + 1),
+        "weights": (_CODE, 2),
+    }
 
 
 KINDS = {
@@ -76,8 +87,8 @@ KINDS = {
     "clustered_transfer": _Kind(
         ClusteredTransfer,
         _DIFFUSE,
-        {"labels": (storage.LABEL_TYPES, 1), "means": (_CODE, 3), "bases": (_CODE, 4), "weights": (_CODE, 2)},
-        _OPENNESS | {name: ((torch.float32,), 2) for name in storage.RANGES},
+        _clustered_shapes(3),
+        _OPENNESS | _RANGES,
         lambda asset: storage.to_tensors(asset) | _openness(asset),
         _unpack_clustered,
     ),
@@ -88,6 +99,14 @@ KINDS = {
         {},
         lambda asset: {"glossy": asset.glossy},
         dict,
+    ),
+    "clustered_glossy_transfer": _Kind(
+        ClusteredGlossyTransfer,
+        _GLOSSY,
+        _clustered_shapes(4),
+        _RANGES,
+        storage.to_tensors,
+        storage.from_tensors,
     ),
 }
 

@@ -11,7 +11,7 @@ import torch
 
 from diffprt.asset import KINDS, load, read_header, save
 from diffprt.brdf import GGX, brdf_of
-from diffprt.compress import ClusteredTransfer, compress
+from diffprt.compress import ClusteredGlossyTransfer, ClusteredTransfer, compress
 from diffprt.errors import InputError
 from diffprt.transfer import GlossyTransfer, Transfer, bake_glossy
 
@@ -27,9 +27,15 @@ def glossy(bumpy) -> GlossyTransfer:
     return bake_glossy(bumpy, brdf, order=2, order_out=3, rays=32, bounces=1, bounce_rays=32)
 
 
+@pytest.fixture(scope="module")
+def clustered_glossy(glossy) -> ClusteredGlossyTransfer:
+    assert glossy.channels == 3
+    return compress(glossy, clusters=9, components=3)
+
+
 @pytest.mark.parametrize("kind", list(KINDS))
-def test_round_trip(kind, bumpy_transfer, compressed, glossy, tmp_path):
-    asset = {"transfer": bumpy_transfer, "clustered_transfer": compressed, "glossy_transfer": glossy}[kind]
+def test_round_trip(kind, bumpy_transfer, compressed, glossy, clustered_glossy, tmp_path):
+    asset = dict(zip(KINDS, (bumpy_transfer, compressed, glossy, clustered_glossy), strict=True))[kind]
     size = save(asset, tmp_path / "a.prt")
     assert size == (tmp_path / "a.prt").stat().st_size
     back = load(tmp_path / "a.prt")
@@ -74,6 +80,35 @@ def test_hostile_glossy_assets_are_refused(glossy, tmp_path, change, message):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda h, t: t.update(means=t["means"][:, :, :-1], bases=t["bases"][:, :, :, :-1]), "order"),
+        (lambda h, t: t.update(means=t["means"][:, :, 0]), "means of shape"),
+        (lambda h, t: t.update(means=t["means"].long()), "means of dtype"),
+        (lambda h, t: t.update(bases=t["bases"][:-1]), "bases of shape"),
+        (lambda h, t: t.update(bases=t["bases"][0]), "bases of shape"),
+        (lambda h, t: t.update(weights=t["weights"][:, :-1]), "weights of shape"),
+        (lambda h, t: t["bases"].__setitem__((0, 0, 0, 0, 0), float("nan")), "non-finite bases"),
+        (lambda h, t: t["labels"].fill_(200), "labels outside"),
+        (lambda h, t: t.update(labels=t["labels"][:0]), "labels of shape"),
+        (lambda h, t: t.update(labels=t["labels"][:0], weights=t["weights"].byte()), "ranges of weights"),
+        (lambda h, t: t.update(weights=t["weights"].byte()), "ranges of weights"),
+        (lambda h, t: t.update(glossy=torch.zeros(1)), "wanted"),
+        (lambda h, t: t.update(openness=torch.zeros(len(t["labels"]))), "wanted"),
+        (lambda h, t: t.pop("bases"), "wanted"),
+        (lambda h, t: h.update(type="clustered_transfer"), "of shape"),
+        (lambda h, t: h.update(type="glossy_transfer"), "wanted"),
+    ],
+)
+def test_hostile_clustered_glossy_assets_are_refused(clustered_glossy, tmp_path, change, message):
+    save(clustered_glossy, tmp_path / "a.prt")
+    hostile(tmp_path / "a.prt", change)
+    with pytest.raises(InputError, match=message) as caught:
+        load(tmp_path / "a.prt")
+    assert str(tmp_path / "a.prt") in str(caught.value) and "\n" not in str(caught.value)
+
+
 def test_documents_list_every_tensor():
     """docs/assets.md names each kind with its tensors, and no others."""
     page = Path(__file__).resolve().parents[1] / "docs" / "assets.md"
@@ -105,6 +140,24 @@ def test_float64_signals_survive(bumpy_transfer, tmp_path):
     assert torch.equal(load(tmp_path / "a.prt").diffuse, asset.diffuse)
 
 
+@pytest.mark.parametrize("number_format", ["float32", "float16", "uint8"])
+def test_means_alone_survive(glossy, tmp_path, number_format):
+    """No components: empty bases and weights."""
+    asset = compress(glossy, clusters=5, components=0, weights_format=number_format, bases_format=number_format)
+    save(asset, tmp_path / "a.prt")
+    again = load(tmp_path / "a.prt")
+    assert again.components == 0 and again.nbytes == asset.nbytes
+    assert torch.allclose(again.decode().glossy, asset.decode().glossy, rtol=0, atol=1e-6)
+
+
+def test_float64_signals_with_weights_in_few_bits_survive(glossy, tmp_path):
+    double = compress(glossy.with_signal(glossy.glossy.double()), clusters=4, components=2, weights_format="float16")
+    save(double, tmp_path / "a.prt")
+    again = load(tmp_path / "a.prt")
+    assert torch.equal(again.means, double.means) and torch.equal(again.weights, double.weights)
+    assert torch.equal(again.decode().glossy, double.decode().glossy)
+
+
 def test_no_timing_is_saved_and_the_header_is_sorted(bumpy_transfer, tmp_path):
     save(bumpy_transfer, tmp_path / "a.prt")
     header = read_header(tmp_path / "a.prt")
@@ -115,8 +168,9 @@ def test_no_timing_is_saved_and_the_header_is_sorted(bumpy_transfer, tmp_path):
     assert text == json.dumps(json.loads(text), sort_keys=True)
 
 
-def test_every_truncation_is_one_clear_error(compressed, tmp_path):
-    save(compressed, tmp_path / "a.prt")
+@pytest.mark.parametrize("kind", ["compressed", "clustered_glossy"])
+def test_every_truncation_is_one_clear_error(request, kind, tmp_path):
+    save(request.getfixturevalue(kind), tmp_path / "a.prt")
     data = (tmp_path / "a.prt").read_bytes()
     for keep in [0, 1, 7, 8, 9, 100, 1000, len(data) // 2, len(data) - 1]:
         (tmp_path / "t.prt").write_bytes(data[:keep])
@@ -125,8 +179,9 @@ def test_every_truncation_is_one_clear_error(compressed, tmp_path):
         assert "\n" not in str(caught.value)
 
 
-def test_flipped_bytes_never_crash(compressed, tmp_path):
-    save(compressed, tmp_path / "a.prt")
+@pytest.mark.parametrize("kind", ["compressed", "clustered_glossy"])
+def test_flipped_bytes_never_crash(request, kind, tmp_path):
+    save(request.getfixturevalue(kind), tmp_path / "a.prt")
     data = bytearray((tmp_path / "a.prt").read_bytes())
     generator = torch.Generator().manual_seed(0)
     refused = 0
@@ -182,15 +237,17 @@ def test_hostile_assets_are_refused(compressed, tmp_path, change, message):
 
 @pytest.mark.parametrize("bases_format", ["float32", "float16", "uint8"])
 @pytest.mark.parametrize("weights_format", ["float16", "uint8"])
-def test_few_bits_survive_the_file(bumpy_transfer, tmp_path, weights_format, bases_format):
-    asset = compress(bumpy_transfer, clusters=5, components=3, weights_format=weights_format, bases_format=bases_format)
+@pytest.mark.parametrize("signal", ["bumpy_transfer", "glossy"])
+def test_few_bits_survive_the_file(request, signal, tmp_path, weights_format, bases_format):
+    baked = request.getfixturevalue(signal)
+    asset = compress(baked, clusters=5, components=3, weights_format=weights_format, bases_format=bases_format)
     size = save(asset, tmp_path / "a.prt")
     again = load(tmp_path / "a.prt")
     assert (again.weights_format, again.bases_format, again.nbytes) == (weights_format, bases_format, asset.nbytes)
     for name in ("means", "bases", "weights"):
         wanted = getattr(asset, name)
         assert float((getattr(again, name) - wanted).abs().max()) <= 2e-7 * float(wanted.abs().max())
-    plain = save(compress(bumpy_transfer, clusters=5, components=3), tmp_path / "b.prt")
+    plain = save(compress(baked, clusters=5, components=3), tmp_path / "b.prt")
     assert size < plain
     if "uint8" in (weights_format, bases_format):
         name = "weights_steps" if weights_format == "uint8" else "bases_steps"

@@ -8,11 +8,10 @@ import typer
 
 from diffprt import asset as assets
 from diffprt.cli.report import JsonFile, check_output, size_text, write_report
-from diffprt.compress import FORMATS, METHODS, STARTS, compress, light_prior
+from diffprt.compress import FORMATS, METHODS, STARTS, ClusteredSignal, compress, light_prior
 from diffprt.errors import InputError
 from diffprt.progress import status
 from diffprt.scene import Environment
-from diffprt.transfer import GlossyTransfer, Transfer
 
 
 def run(
@@ -43,9 +42,8 @@ def run(
     if output.suffix != ".prt":
         raise InputError(f"output {output} has ending '{output.suffix}': give a .prt file")
     transfer = assets.load(source)
-    if not isinstance(transfer, Transfer):
-        kind = "glossy" if isinstance(transfer, GlossyTransfer) else "already compressed"
-        raise InputError(f"asset {source} is {kind}: give the diffuse one that 'diffprt bake' made")
+    if isinstance(transfer, ClusteredSignal):
+        raise InputError(f"asset {source} is already compressed: give the one that 'diffprt bake' made")
     check_output(output)
     lights = [Environment.load(path).project(transfer.order).coefficients for path in prior or []]
     report: dict = {}

@@ -18,6 +18,7 @@ from diffprt.transfer import (
     bake_glossy,
     check_glossy_memory,
     check_glossy_time,
+    discard_chunks,
     estimate_glossy,
 )
 
@@ -52,8 +53,18 @@ def bake_glossy_scene(
     check_glossy_time(estimate, hours)
     check_output(output)
     report: dict = {}
-    transfer = bake_glossy(scene, given, **settings.as_dict(), threads=threads, track=track, report=report)
+    parts = output.with_name(output.name + ".parts")
+    transfer = bake_glossy(
+        scene, given, **settings.as_dict(), threads=threads, checkpoint=parts, track=track, report=report
+    )
     size = assets.save(transfer, output)
+    discard_chunks(parts)
+    counts = report["counts"]
+    if counts["resumed_chunks"]:
+        print(
+            f"resumed: {counts['resumed_chunks']} of {counts['chunks']} chunks were done, "
+            f"{counts['recomputed_in_flight']} in flight were recomputed"
+        )
     noise = report["errors"]["noise_relative"]
     print(
         f"{output}: {len(transfer.receivers):,} receivers, order {transfer.order}, exit order {transfer.order_out}, "

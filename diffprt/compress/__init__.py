@@ -1,6 +1,8 @@
 """Compression: clustered principal component analysis of transfer."""
 
 from diffprt.compress.clustered import ClusteredTransfer
+from diffprt.compress.clustered_glossy import ClusteredGlossyTransfer, GlossyAsset
+from diffprt.compress.clustered_signal import ClusteredSignal
 from diffprt.compress.compress import compress
 from diffprt.compress.encode import Encoded, encode, squared_errors
 from diffprt.compress.geometry import lbg_coherent, smooth_nearest_member
@@ -23,8 +25,11 @@ __all__ = [
     "METHODS",
     "SELECTIONS",
     "STARTS",
+    "ClusteredGlossyTransfer",
+    "ClusteredSignal",
     "ClusteredTransfer",
     "Encoded",
+    "GlossyAsset",
     "Partition",
     "Subspaces",
     "SuperClusters",

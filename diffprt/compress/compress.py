@@ -7,15 +7,20 @@ import time
 import torch
 
 from diffprt.compress.clustered import ClusteredTransfer
+from diffprt.compress.clustered_glossy import ClusteredGlossyTransfer
+from diffprt.compress.clustered_signal import ClusteredSignal
 from diffprt.compress.encode import encode, squared_errors
 from diffprt.compress.overdraw import overdraw
 from diffprt.compress.prior import check_prior
 from diffprt.compress.superclusters import clusters_per_pass, super_clusters
-from diffprt.transfer import Transfer
+from diffprt.errors import InputError
+from diffprt.transfer import GlossyTransfer, Transfer
+
+_ROWS = 4096
 
 
 def compress(
-    transfer: Transfer,
+    transfer: Transfer | GlossyTransfer,
     *,
     clusters: int = 64,
     components: int = 8,
@@ -30,13 +35,13 @@ def compress(
     seed: int = 0,
     iterations: int = 50,
     report: dict | None = None,
-) -> ClusteredTransfer:
+) -> ClusteredTransfer | ClusteredGlossyTransfer:
     """Clusters receivers by their signal and keeps a few principal components per cluster (CPCA).
 
     One label and one set of weights per receiver serve all channels and coefficients.
 
     Args:
-        transfer: what `bake` returns.
+        transfer: what `bake` or `bake_glossy` returns.
         clusters: M, at most; clusters beyond the number of distinct signals are dropped and reported.
         components: P per cluster.
         method: one of `METHODS`; without, the best one: "k-subspaces-overdraw" on meshes, "k-subspaces" on points.
@@ -44,8 +49,8 @@ def compress(
         slack: how far above the least error the choice may go, as a share.
         registers: float4 registers of a display that draws in passes; super-clusters that fit are then formed while
             clustering, and the triangles between them are what is spared first.
-        prior: float [K], mean square of each light coefficient (`light_prior`): errors are then weighed as such
-            lights show them, and the unweighted error is a little higher.
+        prior: float [K], mean square of each coefficient of incident light (`light_prior`): errors are then weighed
+            as such lights show them, and the unweighted error is a little higher.
         weights_format, bases_format: "float32", "float16" or "uint8", per cluster and component.
         start: "k-means++" or the thesis's "hyper-box".
         seed: of the start.
@@ -53,22 +58,24 @@ def compress(
         report: filled with timings, counts and errors.
 
     Returns:
-        `ClusteredTransfer`; `decode()` is differentiable, the clustering itself is not. The certificate's errors are
-        unweighted whatever the prior.
+        `ClusteredTransfer` of diffuse, `ClusteredGlossyTransfer` of glossy transfer; `decode()` is differentiable, the
+        clustering itself is not. The certificate's errors are unweighted whatever the prior.
 
     Raises:
-        InputError: an option is out of range.
+        InputError: an option is out of range, or the transfer is compressed already.
     """
     begun = time.perf_counter()
-    vectors = transfer.diffuse.detach().reshape(len(transfer.receivers), -1)
-    faces, shape = transfer.receivers.faces, transfer.diffuse.shape[1:]
+    signal = _signal(transfer).detach()
+    vectors = signal.reshape(len(signal), -1)
+    faces, shape = transfer.receivers.faces, signal.shape[1:]
     weights = None
     if prior is not None:
         prior = check_prior(prior, shape[-1])
         weights = prior.expand(shape).reshape(-1)
     per_pass = None
     if registers is not None:
-        per_pass = clusters_per_pass(registers, components, channels=transfer.channels)
+        outputs = shape[1] if isinstance(transfer, GlossyTransfer) else 1
+        per_pass = clusters_per_pass(registers, components, channels=transfer.channels, outputs=outputs)
     encoded = encode(
         vectors,
         clusters=clusters,
@@ -100,21 +107,23 @@ def compress(
         "registers": registers,
         "prior": None if prior is None else prior.tolist(),
     }
-    compressed = ClusteredTransfer(
-        labels=encoded.labels,
-        means=encoded.means.reshape(found, *shape),
-        bases=encoded.bases.reshape(found, components, *shape),
-        weights=encoded.weights,
-        receivers=transfer.receivers,
-        settings={**transfer.settings, "compress": options},
-        plan=transfer.plan,
-        certificate={**transfer.certificate, **compression_error(vectors, squared)},
-        scene_hash=transfer.scene_hash,
-        openness=transfer.openness,
-        bent_normals=transfer.bent_normals,
-        weights_format=weights_format,
-        bases_format=bases_format,
-    )
+    kept = {
+        "labels": encoded.labels,
+        "means": encoded.means.reshape(found, *shape),
+        "bases": encoded.bases.reshape(found, components, *shape),
+        "weights": encoded.weights,
+        "receivers": transfer.receivers,
+        "settings": {**transfer.settings, "compress": options},
+        "plan": transfer.plan,
+        "certificate": {**transfer.certificate, **compression_error(vectors, squared)},
+        "scene_hash": transfer.scene_hash,
+        "weights_format": weights_format,
+        "bases_format": bases_format,
+    }
+    if isinstance(transfer, GlossyTransfer):
+        compressed = ClusteredGlossyTransfer(**kept)
+    else:
+        compressed = ClusteredTransfer(**kept, openness=transfer.openness, bent_normals=transfer.bent_normals)
     if report is not None:
         report["timings"] = {**encoded.timings, "total": time.perf_counter() - begun}
         report["counts"] = {
@@ -136,6 +145,18 @@ def compress(
     return compressed
 
 
+def _signal(transfer: Transfer | GlossyTransfer) -> torch.Tensor:
+    """What is to be compressed, [V, ...]."""
+    if isinstance(transfer, ClusteredSignal):
+        raise InputError(
+            f"transfer is already compressed, to {transfer.clusters} clusters x {transfer.components} components: "
+            "give the one that was baked, or its decode()"
+        )
+    if not isinstance(transfer, Transfer | GlossyTransfer):
+        raise InputError(f"a {type(transfer).__name__} cannot be compressed: give a Transfer or GlossyTransfer")
+    return transfer.glossy if isinstance(transfer, GlossyTransfer) else transfer.diffuse
+
+
 def compression_error(vectors: torch.Tensor, squared: torch.Tensor) -> dict:
     """What squared errors [V] mean beside the signal `vectors` [V, D].
 
@@ -144,7 +165,8 @@ def compression_error(vectors: torch.Tensor, squared: torch.Tensor) -> dict:
         `compression_relative` (root of its share of the signal's energy) and `compression_worst` (largest
         distance of a receiver over the signal's root mean square).
     """
-    energy = float(vectors.detach().square().sum(1, dtype=torch.float64).mean())
+    rows = vectors.detach().split(_ROWS)  # no second copy of a signal that may fill the memory
+    energy = float(torch.cat([part.square().sum(1, dtype=torch.float64) for part in rows]).mean())
     scale = energy**0.5 or 1.0
     return {
         "compression_squared_error": float(squared.mean()),

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import torch
 
+from diffprt.compress.blend import blend
 from diffprt.compress.methods import best_method, cluster
 from diffprt.compress.pca import cluster_pca
 from diffprt.compress.quantize import check_format, rounded, stored_bytes
@@ -47,8 +48,7 @@ class Encoded:
 
     def decode(self, rows: torch.Tensor | slice = slice(None)) -> torch.Tensor:
         """Rows [R, D] as they come back."""
-        own = self.labels[rows]
-        return self.means[own] + torch.einsum("vp,vpd->vd", self.weights[rows], self.bases[own])
+        return blend(self.labels[rows], self.weights[rows], self.means, self.bases)
 
 
 def encode(

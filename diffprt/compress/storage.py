@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import torch
 
-from diffprt.compress.clustered import ClusteredTransfer
+from diffprt.compress.clustered_signal import ClusteredSignal
 from diffprt.compress.quantize import Quantized, dequantize, quantize
 from diffprt.errors import InputError
 
 _FORMATS = {torch.uint8: "uint8", torch.float16: "float16"}
+_NUMBERS = ("means", "bases", "weights")
 LABEL_TYPES = (torch.uint8, torch.uint16, torch.int32)
-RANGES = tuple(f"{name}_{part}" for name in ("means", "bases", "weights") for part in ("offsets", "steps"))
+RANGES = tuple(f"{name}_{part}" for name in _NUMBERS for part in ("offsets", "steps"))
 
 
-def to_tensors(asset: ClusteredTransfer) -> dict[str, torch.Tensor]:
-    """`labels`, `means` [M, C, K], `bases` [M, P, C, K], `weights` [V, P], and `RANGES` of what is in eight bits.
+def to_tensors(asset: ClusteredSignal) -> dict[str, torch.Tensor]:
+    """`labels`, `means`, `bases` and `weights` in the asset's shapes, and `RANGES` of what is in eight bits.
 
     Weights have a range for each cluster and component, bases for each of theirs, means for each cluster.
     """
@@ -36,29 +37,32 @@ def to_tensors(asset: ClusteredTransfer) -> dict[str, torch.Tensor]:
 
 
 def from_tensors(tensors: dict[str, torch.Tensor]) -> dict:
-    """The arguments of `ClusteredTransfer` that `to_tensors` made tensors of.
+    """The arguments of `ClusteredSignal` that `to_tensors` made tensors of.
 
     Raises:
         InputError: ranges are missing, or not those of the clusters and components.
     """
-    labels = tensors["labels"].to(torch.int64)
+    labels, clusters = tensors["labels"].to(torch.int64), len(tensors["means"])
+    known = len(labels) > 0 and 0 <= int(labels.min()) <= int(labels.max()) < clusters
     found: dict = {"labels": labels}
-    for name, ranges in (("means", None), ("bases", None), ("weights", labels)):
-        codes = tensors[name]
+    for name in _NUMBERS:
+        codes, ranges = tensors[name], labels if name == "weights" else None
         if codes.dtype not in _FORMATS:
             found[name] = codes
             continue
         rows = codes.flatten(1)[:, None] if name == "means" else codes
-        wanted = (len(tensors["means"]), rows.shape[1]) if codes.dtype == torch.uint8 else (0,)
+        wanted = (clusters, rows.shape[1]) if codes.dtype == torch.uint8 else (0,)
         offsets, steps = (tensors.get(f"{name}_{part}", torch.zeros(0)) for part in ("offsets", "steps"))
-        known = ranges is None or 0 <= int(ranges.min()) <= int(ranges.max()) < len(tensors["means"])
         if (
             not tuple(offsets.shape) == tuple(steps.shape) == wanted
-            or len(codes) != len(labels if name == "weights" else tensors["means"])
+            or len(codes) != (clusters if ranges is None else len(ranges))
             or not known
         ):
             raise InputError(f"the ranges of {name} do not belong to its {tuple(codes.shape)} codes: compress again")
         found[name] = dequantize(Quantized(rows, offsets, steps), ranges=ranges).reshape(codes.shape)
+    # A float64 signal with weights in few bits comes back in float64 as a whole.
+    wide = torch.float64 if any(tensors[name].dtype == torch.float64 for name in _NUMBERS) else torch.float32
+    found |= {name: found[name].to(wide) for name in _NUMBERS}
     found["weights_format"] = _FORMATS.get(tensors["weights"].dtype, "float32")
     found["bases_format"] = _FORMATS.get(tensors["bases"].dtype, "float32")
     return found

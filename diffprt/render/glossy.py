@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import torch
 
+from diffprt.compress import GlossyAsset
 from diffprt.render.camera import Camera
 from diffprt.render.view import View
 from diffprt.scene import Light
 from diffprt.shade import mirrored_radiance, radiance_towards
-from diffprt.transfer import GlossyTransfer
 
 # Pixels whose coefficients are held at a time.
 _PIXELS_AT_ONCE = 1 << 14
 
 
 def glossy_radiance(
-    asset: GlossyTransfer, light: Light | torch.Tensor, camera: Camera, view: View | None = None
+    asset: GlossyAsset, light: Light | torch.Tensor, camera: Camera, view: View | None = None
 ) -> torch.Tensor:
     """Radiance towards the camera at every pixel.
 
@@ -23,13 +23,14 @@ def glossy_radiance(
     and each pixel evaluates them with its interpolated normal.
 
     Args:
-        asset: glossy transfer.
+        asset: glossy transfer, plain or clustered.
         light: a `Light` or its coefficients [K, 3], of the asset's order.
         camera: where from.
         view: of `camera`, where it is known.
 
     Returns:
-        [H, W, 3] in the asset's dtype; 0 where nothing is seen. Gradients reach transfer and light.
+        [H, W, 3] in the asset's dtype; 0 where nothing is seen. Gradients reach transfer, means, bases, weights
+        and light.
 
     Raises:
         InputError: the light has another order, or the asset has no triangles.

@@ -6,20 +6,20 @@ from dataclasses import replace
 
 import torch
 
-from diffprt.compress import ClusteredTransfer
+from diffprt.compress import ClusteredTransfer, GlossyAsset
 from diffprt.errors import InputError
 from diffprt.render.camera import Camera
 from diffprt.render.glossy import glossy_radiance
 from diffprt.render.view import View
 from diffprt.scene import Light
 from diffprt.shade import shade
-from diffprt.transfer import GlossyTransfer, Transfer
+from diffprt.transfer import Transfer
 
 _MID_GREY = 0.2
 
 
 def render(
-    asset: Transfer | ClusteredTransfer | GlossyTransfer,
+    asset: Transfer | ClusteredTransfer | GlossyAsset,
     light: Light,
     camera: Camera | None = None,
     *,
@@ -49,7 +49,7 @@ def render(
         raise InputError(f"samples is {samples}: give 1 to 16 a side")
     fine = replace(camera, width=camera.width * samples, height=camera.height * samples)
     view = View.of(asset.receivers, fine, threads=threads)
-    if isinstance(asset, GlossyTransfer):
+    if isinstance(asset, GlossyAsset):
         image = glossy_radiance(asset, light, fine, view)
     else:
         image = view.interpolate(shade(asset, light))

@@ -6,10 +6,9 @@ import math
 
 import torch
 
-from diffprt import sh
 from diffprt.compress import ClusteredTransfer
-from diffprt.errors import InputError
 from diffprt.scene import Light
+from diffprt.shade.light_product import light_coefficients, under_light
 from diffprt.transfer import Transfer
 
 
@@ -35,26 +34,15 @@ def shade_diffuse(
     Raises:
         InputError: the light has another order than the asset.
     """
-    coefficients = light.coefficients if isinstance(light, Light) else light
-    if coefficients.shape[0] != asset.order**2:
-        raise InputError(
-            f"transfer has {asset.order**2} SH coefficients, light has {coefficients.shape[0]}: "
-            f"project the light with order={asset.order}, or bake with order={sh.order_of_count(coefficients.shape[0])}"
-        )
+    coefficients = light_coefficients(light, asset.order)
     albedo = asset.receivers.albedo if albedo is None else albedo
     if isinstance(asset, ClusteredTransfer):
-        coefficients = coefficients.to(asset.means.dtype)
-        mean_irradiance = _dot(asset.means, coefficients)
-        component_irradiance = _dot(asset.bases, coefficients)
-        detail = torch.einsum("vp,vpc->vc", asset.weights, component_irradiance[asset.labels])
-        irradiance = mean_irradiance[asset.labels] + detail
+        irradiance = asset.blend(_irradiance(asset.means, coefficients), _irradiance(asset.bases, coefficients))
     else:
-        irradiance = _dot(asset.diffuse, coefficients.to(asset.diffuse.dtype))
+        irradiance = _irradiance(asset.diffuse, coefficients)
     return albedo.to(irradiance.dtype) / math.pi * irradiance
 
 
-def _dot(signal: torch.Tensor, light: torch.Tensor) -> torch.Tensor:
-    """Irradiance [..., 3] of a signal [..., C, K] under light [K, 3]; one channel serves all three colours."""
-    if signal.shape[-2] == 1:
-        return signal[..., 0, :] @ light
-    return torch.einsum("...ck,kc->...c", signal, light)
+def _irradiance(signal: torch.Tensor, coefficients: torch.Tensor) -> torch.Tensor:
+    """[..., 3] of a signal [..., C, K]: the same to every direction, so K_out is 1."""
+    return under_light(signal[..., None, :], coefficients)[..., 0]

@@ -4,31 +4,28 @@ from __future__ import annotations
 
 import torch
 
-from diffprt.errors import InputError
+from diffprt.compress import ClusteredGlossyTransfer, GlossyAsset
 from diffprt.scene import Light
-from diffprt.transfer import GlossyTransfer
+from diffprt.shade.light_product import light_coefficients, under_light
 
 
-def exit_radiance(asset: GlossyTransfer, light: Light | torch.Tensor) -> torch.Tensor:
+def exit_radiance(asset: GlossyAsset, light: Light | torch.Tensor) -> torch.Tensor:
     """Exit radiance in SH on each receiver's own axes.
 
+    Of a clustered asset it is found as a shader finds it: means and components are applied to the light once for each
+    cluster, then blended by the receivers' weights.
+
     Args:
-        asset: glossy transfer.
+        asset: glossy transfer, plain or clustered.
         light: a `Light` or its coefficients [K, 3], of the asset's order. To turn it, give `light.rotate(R)`.
 
     Returns:
-        [V, 3, K_out] in the asset's dtype. Gradients reach transfer and light.
+        [V, 3, K_out] in the asset's dtype. Gradients reach transfer, means, bases, weights and light.
 
     Raises:
         InputError: the light has another order than the asset.
     """
-    coefficients = light.coefficients if isinstance(light, Light) else light
-    if tuple(coefficients.shape) != (asset.order**2, 3):
-        raise InputError(
-            f"transfer has {asset.order**2} SH coefficients, light has shape {list(coefficients.shape)}: "
-            f"project the light with order={asset.order}"
-        )
-    coefficients = coefficients.to(asset.glossy.dtype)
-    if asset.channels == 1:
-        return (asset.glossy[:, 0] @ coefficients).transpose(1, 2)
-    return torch.einsum("vcok,kc->vco", asset.glossy, coefficients)
+    coefficients = light_coefficients(light, asset.order)
+    if isinstance(asset, ClusteredGlossyTransfer):
+        return asset.blend(under_light(asset.means, coefficients), under_light(asset.bases, coefficients))
+    return under_light(asset.glossy, coefficients)

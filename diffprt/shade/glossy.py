@@ -5,33 +5,34 @@ from __future__ import annotations
 import torch
 
 from diffprt import sh
+from diffprt.compress import GlossyAsset
 from diffprt.errors import InputError
 from diffprt.scene import Light
 from diffprt.shade.exit_radiance import exit_radiance
-from diffprt.transfer import GlossyTransfer
 from diffprt.transfer.glossy_bounce import above_horizon
 
 
-def shade_glossy(asset: GlossyTransfer, light: Light | torch.Tensor, eye: torch.Tensor | tuple) -> torch.Tensor:
+def shade_glossy(asset: GlossyAsset, light: Light | torch.Tensor, eye: torch.Tensor | tuple) -> torch.Tensor:
     """Exit radiance towards a point: y(view)ᵀ T L. To turn the light, give `light.rotate(R)`.
 
     Args:
-        asset: glossy transfer.
+        asset: glossy transfer, plain or clustered.
         light: a `Light` or its coefficients [K, 3], of the asset's order.
         eye: camera position [3], scene units; or one per receiver [V, 3].
 
     Returns:
         [V, 3] linear radiance [W/m²/sr] in the asset's dtype. Receivers that face away from the eye get what they
-        send along their horizon. Gradients reach transfer, light and eye.
+        send along their horizon. Gradients reach transfer, means, bases, weights, light and eye.
 
     Raises:
         InputError: the light has another order than the asset, or the eye another shape.
     """
-    exit_basis = sh.basis(view_directions(asset, eye), asset.order_out).to(asset.glossy.dtype)
-    return torch.einsum("vco,vo->vc", exit_radiance(asset, light), exit_basis)
+    radiance = exit_radiance(asset, light)
+    exit_basis = sh.basis(view_directions(asset, eye), asset.order_out).to(radiance.dtype)
+    return torch.einsum("vco,vo->vc", radiance, exit_basis)
 
 
-def view_directions(asset: GlossyTransfer, eye: torch.Tensor | tuple) -> torch.Tensor:
+def view_directions(asset: GlossyAsset, eye: torch.Tensor | tuple) -> torch.Tensor:
     """Unit directions [V, 3] towards `eye` on each receiver's own axes, lifted to the horizon where they are below.
 
     Raises:

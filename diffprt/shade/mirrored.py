@@ -16,30 +16,31 @@ from __future__ import annotations
 import torch
 
 from diffprt import sh
+from diffprt.compress import GlossyAsset
 from diffprt.scene import Light
 from diffprt.sh.frames import frame_rotations, rows_from_frames
 from diffprt.shade.exit_radiance import exit_radiance
-from diffprt.transfer import GlossyTransfer
 
 _RECEIVERS_AT_ONCE = 8192
 
 
-def mirrored_radiance(asset: GlossyTransfer, light: Light | torch.Tensor) -> torch.Tensor:
+def mirrored_radiance(asset: GlossyAsset, light: Light | torch.Tensor) -> torch.Tensor:
     """Exit radiance of every receiver by mirrored direction, in SH on the scene's axes.
 
     Args:
-        asset: glossy transfer.
+        asset: glossy transfer, plain or clustered.
         light: a `Light` or its coefficients [K, 3], of the asset's order.
 
     Returns:
         [V, 3, K_out] in the asset's dtype; `radiance_towards` evaluates it, at receivers or between them. Gradients
-        reach transfer and light.
+        reach transfer, means, bases, weights and light.
 
     Raises:
         InputError: the light has another order than the asset.
     """
     # The mirrored direction is the view turned by half a circle about the normal, (-x, -y, z) on the receiver's axes.
-    turned = exit_radiance(asset, light) * _half_turn(asset.order_out).to(asset.glossy.dtype)
+    radiance = exit_radiance(asset, light)
+    turned = radiance * _half_turn(asset.order_out).to(radiance.dtype)
     parts = []
     for frames, rows in zip(asset.frames.split(_RECEIVERS_AT_ONCE), turned.split(_RECEIVERS_AT_ONCE), strict=True):
         parts.append(rows_from_frames(rows, frame_rotations(frames.to(rows.dtype), asset.order_out)))
@@ -61,13 +62,17 @@ def radiance_towards(
         [N, 3] linear radiance [W/m²/sr]. Points that face away send what they send along their horizon. Gradients
         reach all arguments.
     """
+    basis = mirrored_basis(positions, normals, eye, sh.order_of_count(coefficients.shape[-1]))
+    return torch.einsum("nco,no->nc", coefficients, basis.to(coefficients.dtype))
+
+
+def mirrored_basis(positions: torch.Tensor, normals: torch.Tensor, eye: torch.Tensor, order: int) -> torch.Tensor:
+    """SH [N, K_out] of `order` at the mirrored direction of points that look towards `eye`; see `radiance_towards`."""
     view = torch.nn.functional.normalize(eye - positions, dim=-1)
     normals = torch.nn.functional.normalize(normals, dim=-1)
     below = (view * normals).sum(-1, keepdim=True).clamp_max(0)
     view = torch.nn.functional.normalize(view - below * normals, dim=-1)
-    mirrored = 2 * (view * normals).sum(-1, keepdim=True) * normals - view
-    basis = sh.basis(mirrored, sh.order_of_count(coefficients.shape[-1])).to(coefficients.dtype)
-    return torch.einsum("nco,no->nc", coefficients, basis)
+    return sh.basis(2 * (view * normals).sum(-1, keepdim=True) * normals - view, order)
 
 
 def _half_turn(order: int) -> torch.Tensor:

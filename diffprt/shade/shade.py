@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import torch
 
-from diffprt.compress import ClusteredTransfer
+from diffprt.compress import ClusteredTransfer, GlossyAsset
 from diffprt.errors import InputError
 from diffprt.scene import Light
 from diffprt.shade.diffuse import shade_diffuse
 from diffprt.shade.glossy import shade_glossy
-from diffprt.transfer import GlossyTransfer, Transfer
+from diffprt.transfer import Transfer
 
 
 def shade(
-    asset: Transfer | ClusteredTransfer | GlossyTransfer,
+    asset: Transfer | ClusteredTransfer | GlossyAsset,
     light: Light | torch.Tensor,
     view: torch.Tensor | tuple[float, float, float] | None = None,
     *,
@@ -22,7 +22,7 @@ def shade(
     """Exit radiance of every receiver: see `shade_diffuse` and `shade_glossy`.
 
     Args:
-        asset: diffuse transfer, plain or clustered, or glossy transfer.
+        asset: diffuse or glossy transfer, plain or clustered.
         light: a `Light` or its coefficients [K, 3], of the asset's order.
         view: position of the eye [3], scene units, such as `camera.eye`, or one per receiver [V, 3]; glossy assets
             need it, diffuse ones look the same from everywhere.
@@ -34,7 +34,7 @@ def shade(
     Raises:
         InputError: the light has another order than the asset, a glossy asset without view, or one with albedo.
     """
-    if not isinstance(asset, GlossyTransfer):
+    if not isinstance(asset, GlossyAsset):
         return shade_diffuse(asset, light, albedo=albedo)
     if view is None:
         raise InputError("a glossy asset looks different from everywhere: give view, such as camera.eye")

@@ -2,29 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from contextlib import closing
-from functools import partial
+from collections.abc import Sequence
+from pathlib import Path
 
 import torch
 
 from diffprt.brdf import Brdf, describe_brdf
 from diffprt.errors import InputError
-from diffprt.kernels import TriangleMesh, default_threads, run_chunks
+from diffprt.kernels import TriangleMesh, default_threads
 from diffprt.scene import Scene
 from diffprt.transfer.estimate import available_memory
-from diffprt.transfer.glossy_estimate import (
-    RAYS_PER_CHUNK,
-    RECEIVERS_PER_CHUNK,
-    check_glossy_memory,
-    glossy_memory,
-)
+from diffprt.transfer.glossy_chunks import ChunkedPasses
+from diffprt.transfer.glossy_estimate import check_glossy_memory, glossy_memory
 from diffprt.transfer.glossy_materials import GlossyMaterials
 from diffprt.transfer.glossy_passes import GlossyPasses
 from diffprt.transfer.glossy_settings import GlossySettings
 from diffprt.transfer.glossy_signal import GlossyTransfer
 from diffprt.transfer.surfaces import Surfaces
-from diffprt.transfer.transport import Interrupted, Track, timed, untracked
+from diffprt.transfer.transport import Track, timed, untracked
 
 
 def bake_glossy(
@@ -39,6 +34,7 @@ def bake_glossy(
     ridge: float = 3e-4,
     seed: int = 0,
     threads: int | None = None,
+    checkpoint: str | Path | None = None,
     track: Track = untracked,
     report: dict | None = None,
 ) -> GlossyTransfer:
@@ -58,6 +54,8 @@ def bake_glossy(
         ridge: smoothing of exit radiance below the surface; see `diffprt.brdf.fit`.
         seed: the same seed gives the same bytes for any number of threads.
         threads: CPU threads; all that the process may use without it.
+        checkpoint: folder for finished chunks, as large as the signal for each pass. A bake that was killed goes on
+            from there to the same bytes. It stays when the bake ends: `discard_chunks` it once the asset is saved.
         track: `track(text, total, done)`, a context manager that yields what to call after each chunk.
         report: filled with timings, counts, errors and settings.
 
@@ -66,8 +64,9 @@ def bake_glossy(
         the memory for gradients grows with the rays that hit something.
 
     Raises:
-        InputError: an option is out of range, another number of BRDFs than materials, or a signal beyond memory.
-        Interrupted: Ctrl-C; nothing is kept.
+        InputError: an option is out of range, another number of BRDFs than materials, a signal beyond memory, or a
+            checkpoint of another bake or of one with gradients.
+        Interrupted: Ctrl-C; with a checkpoint nothing finished is lost.
     """
     settings = GlossySettings(order, rays, bounces, seed, order_out, bounce_rays, ridge)
     if threads is not None and threads < 1:
@@ -77,6 +76,8 @@ def bake_glossy(
     brdfs = [brdf] if isinstance(brdf, Brdf) else list(brdf)
     channels = max((b.channels for b in brdfs), default=1)
     check_glossy_memory(glossy_memory(surfaces, channels, settings, threads), available_memory(), settings)
+    saved = {**settings.as_dict(), "brdf": [describe_brdf(b) for b in brdfs]}
+    scene_hash = scene.hash()
     report = {} if report is None else report
     report |= {"timings": {}, "counts": {}}
     timings = report["timings"]
@@ -87,9 +88,17 @@ def bake_glossy(
             mesh = TriangleMesh(surfaces.positions, surfaces.faces, threads=threads)
         passes = GlossyPasses(surfaces, mesh, materials, settings)
         gradients = torch.is_grad_enabled() and materials.reflection.requires_grad
-        signal, certificate = _run(passes, materials, settings, gradients, threads, track, timings)
-    saved = {**settings.as_dict(), "brdf": [describe_brdf(b) for b in brdfs]}
-    transfer = GlossyTransfer(signal, surfaces.receivers, saved, {}, certificate, scene.hash())
+        folder = None if checkpoint is None else Path(checkpoint)
+        if gradients and folder is not None:
+            raise InputError(
+                f"checkpoint is {folder}, and the BRDF asks for gradients, which files do not keep: give one of them"
+            )
+        shape = (len(passes.order), *materials.shading.shape[1:4])
+        key = {**saved, "scene": scene_hash}
+        chunked = ChunkedPasses(shape, settings, key, folder, gradients=gradients, threads=threads, track=track)
+        report["counts"] |= chunked.counts
+        signal, certificate = _run(passes, settings, chunked, timings)
+    transfer = GlossyTransfer(signal, surfaces.receivers, saved, {}, certificate, scene_hash)
     per_receiver = settings.rays + settings.bounces * settings.bounce_rays
     report["errors"], report["settings"] = certificate, transfer.settings
     report["counts"] |= {
@@ -105,82 +114,27 @@ def bake_glossy(
 
 
 def _run(
-    passes: GlossyPasses,
-    materials: GlossyMaterials,
-    settings: GlossySettings,
-    gradients: bool,
-    threads: int,
-    track: Track,
-    timings: dict[str, float],
+    passes: GlossyPasses, settings: GlossySettings, chunked: ChunkedPasses, timings: dict[str, float]
 ) -> tuple[torch.Tensor, dict]:
     """All passes: transfer in the receivers' own order, and its certificate."""
-    count = len(passes.order)
-    shape = (count, *materials.shading.shape[1:4])
-    chunked = partial(_chunked, shape=shape, gradients=gradients, threads=threads, track=track)
-    squares: dict[int, torch.Tensor] = {}
 
-    def shadows(rows: range) -> torch.Tensor:
-        signal, squares[rows.start] = passes.shadows(rows)
-        return signal
+    def shadows(rows: range) -> dict[str, torch.Tensor]:
+        signal, squares = passes.shadows(rows)
+        return {"signal": signal, "squares": squares}
 
     with timed(timings, "shadow pass"):
-        direct = chunked(shadows, rays=settings.rays, text="shadows")
+        direct, kept = chunked.run(0, shadows, "shadows")
     transfer = direct
     with timed(timings, "light transport"):
         for number in range(1, settings.bounces + 1):
 
-            def bounce(rows: range, before: torch.Tensor = transfer) -> torch.Tensor:
-                return direct[rows.start : rows.stop] + passes.bounce(rows, before)
+            def bounce(rows: range, before: torch.Tensor = transfer) -> dict[str, torch.Tensor]:
+                return {"signal": direct[rows.start : rows.stop] + passes.bounce(rows, before)}
 
-            transfer = chunked(bounce, rays=settings.bounce_rays, text=f"bounce {number} of {settings.bounces}")
+            transfer, _ = chunked.run(number, bounce, f"bounce {number} of {settings.bounces}")
             del bounce
+    count = len(passes.order)
     # Summed in the order of the receivers, so that the certificate too has the same bytes for any number of threads.
-    total = torch.stack([squares[first] for first in sorted(squares)]).sum(0)
-    noise, size = (total / count).sqrt().tolist()
+    noise, size = (torch.stack([chunk["squares"] for chunk in kept]).sum(0) / count).sqrt().tolist()
     certificate = {"noise_rms": noise, "signal_rms": size, "noise_relative": noise / size if size > 0 else 0.0}
-    place = torch.empty_like(passes.order)
-    place[passes.order] = torch.arange(count)
-    return transfer[place], certificate
-
-
-def _chunked(
-    work: Callable[[range], torch.Tensor],
-    shape: tuple[int, ...],
-    rays: int,
-    *,
-    gradients: bool,
-    threads: int,
-    track: Track,
-    text: str,
-) -> torch.Tensor:
-    """Results of `work` on runs of receivers, joined to float32 `shape`; the cut does not depend on the threads."""
-    size = max(1, min(RECEIVERS_PER_CHUNK, RAYS_PER_CHUNK // rays))
-    chunks = [range(first, min(first + size, shape[0])) for first in range(0, shape[0], size)]
-    parts: list[torch.Tensor] = [torch.empty(0)] * len(chunks)
-    whole = torch.empty(0 if gradients else shape)
-    ended = 0
-
-    def one(number: int) -> None:
-        # Threads begin with gradients enabled, whatever their parent has.
-        with torch.set_grad_enabled(gradients):
-            part = work(chunks[number])
-        if gradients:
-            parts[number] = part
-        else:
-            whole[chunks[number].start : chunks[number].stop] = part
-
-    with (
-        track(text, len(chunks), 0) as advance,
-        closing(run_chunks(one, range(len(chunks)), threads=threads)) as running,
-    ):
-        try:
-            for _ in running:
-                ended += 1
-                advance()
-        except KeyboardInterrupt:
-            running.close()
-            raise Interrupted(
-                f"interrupted: {ended} of {len(chunks)} chunks of {text} were done, and nothing is kept: "
-                "repeat the command to start anew"
-            ) from None
-    return torch.cat(parts) if gradients else whole
+    return transfer[passes.order.argsort()], certificate

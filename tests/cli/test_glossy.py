@@ -7,6 +7,7 @@ import torch
 
 from diffprt.asset import load
 from diffprt.cli import main
+from diffprt.compress import ClusteredGlossyTransfer
 from diffprt.images import read_image
 from diffprt.transfer import GlossyTransfer
 
@@ -117,26 +118,75 @@ def test_too_large_for_memory(tmp_path, capsys, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_interrupted(tmp_path, capsys, monkeypatch):
+def test_interrupted_and_resumed(folder, tmp_path, capsys, monkeypatch):
+    """Stopped in the bounce, as Ctrl-C does, and repeated: the bytes are those of a bake that was left alone."""
     from diffprt.transfer.glossy_passes import GlossyPasses
 
     bounce = GlossyPasses.bounce
-    calls = []
 
     def stop(self, rows: range, transfer: torch.Tensor) -> torch.Tensor:
-        calls.append(rows)
-        # The trial before the bake calls it a few times.
-        if len(transfer.stride()) == 4 and transfer.stride(0) > 0:
+        # The trial before the bake bounces nothing, of stride 0.
+        if transfer.stride(0) > 0:
             raise KeyboardInterrupt
         return bounce(self, rows, transfer)
 
-    monkeypatch.setattr(GlossyPasses, "bounce", stop)
-    assert run("bake", "builtin:wall_and_floor", "--brdf", "ggx", *SMALL, "-o", tmp_path / "a.prt") == 130
+    command = ("bake", "builtin:wall_and_floor", *SMALL, "--brdf", "phong:exponent=16,specular=0.5", "--order-out", 4)
+    command = (*command, "-o", tmp_path / "a.prt", "--json", tmp_path / "a.json")
+    with monkeypatch.context() as patched:
+        patched.setattr(GlossyPasses, "bounce", stop)
+        assert run(*command) == 130
+    error, parts = capsys.readouterr().err, tmp_path / "a.prt.parts"
+    assert error.count("\n") == 1 and f"are kept in {parts}: repeat the command to go on" in error
+    assert [p.name for p in tmp_path.iterdir()] == ["a.prt.parts"]
+    done = len(list(parts.glob("*.safetensors")))
+    assert f"interrupted: {done} of" in error and done >= 1
+    assert run(*command) == 0
+    counts = json.loads((tmp_path / "a.json").read_text())["counts"]
+    assert counts["resumed_chunks"] == done < counts["chunks"] and counts["recomputed_in_flight"] >= 1
+    assert f"resumed: {done} of {counts['chunks']} chunks were done" in capsys.readouterr().out
+    assert not parts.exists()
+    assert (tmp_path / "a.prt").read_bytes() == (folder / "a.prt").read_bytes()
+
+
+def test_compress_render_info(folder, tmp_path, capsys):
+    out, report = tmp_path / "c.prt", tmp_path / "c.json"
+    options = ("--clusters", 24, "--components", 6, "--registers", 64, "--weights-format", "uint8")
+    assert run("compress", folder / "a.prt", *options, "-o", out, "--json", report) == 0
+    assert "24 clusters x 6 components" in capsys.readouterr().out
+    found, baked, counts = load(out), load(folder / "a.prt"), json.loads(report.read_text())["counts"]
+    assert isinstance(found, ClusteredGlossyTransfer) and (found.order, found.order_out) == (3, 4)
+    assert found.settings["brdf"] == baked.settings["brdf"] and found.settings["compress"]["registers"] == 64
+    # 16 exit coefficients x 7 / 4 float4 a cluster: two fit into a pass.
+    assert counts["passes"] == 12 and counts["bytes"] == found.nbytes < counts["bytes_before"] == baked.nbytes
+    pictures = []
+    for asset in (folder / "a.prt", out):
+        picture, size = tmp_path / "p.exr", ("--size", 24, "--samples", 1, "--background", 0)
+        assert run("render", asset, "--light", "studio", *size, "-o", picture) == 0
+        pictures.append(read_image(picture))
+    off = float((pictures[1] - pictures[0]).norm() / pictures[0].norm())
+    assert 1e-4 < off < 0.2
+    capsys.readouterr()
+    assert run("info", out) == 0
+    text = capsys.readouterr().out
+    for word in ("clustered_glossy_transfer", "24x1x16x9", "24x6x1x16x9", '"compression_relative"', '"exponent": 16.0'):
+        assert word in text
+
+
+@pytest.mark.parametrize(
+    ("command", "message"),
+    [
+        (("compress", "c.prt", "-o", "d.prt"), "c.prt is already compressed: give the one that 'diffprt bake' made"),
+        (("compress", "a.prt", "-o", "d.prt", "--registers", 35), "holds no cluster, which needs 36"),
+        (("compress", "a.prt", "-o", "d.prt", "--components", 65), "components is 65: give 0 to 64"),
+        (("render", "c.prt", "-o", "d.png", "--light", "nowhere.hdr"), "nowhere.hdr"),
+    ],
+)
+def test_mistakes_with_compressed_glossy_assets_are_one_line(folder, tmp_path, capsys, monkeypatch, command, message):
+    (tmp_path / "a.prt").write_bytes((folder / "a.prt").read_bytes())
+    monkeypatch.chdir(tmp_path)
+    assert run("compress", "a.prt", "-o", "c.prt", "--clusters", 2, "--components", 1) == 0
+    capsys.readouterr()
+    assert run(*command) == 2
     error = capsys.readouterr().err
-    assert error.count("\n") == 1 and "chunks of bounce 1 of 1 were done, and nothing is kept" in error
-    assert calls and list(tmp_path.iterdir()) == []
-
-
-def test_other_rooms_say_that_they_do_not_know_it(folder, tmp_path, capsys):
-    assert run("export", folder / "a.prt", "-o", tmp_path / "page") == 2
-    assert "GlossyTransfer, which has no shader" in capsys.readouterr().err
+    assert error.startswith("diffprt: ") and error.count("\n") == 1 and message in error
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.prt", "c.prt"]

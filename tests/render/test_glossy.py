@@ -7,6 +7,7 @@ import pytest
 import torch
 
 from diffprt.brdf import Lambert, ModifiedPhong
+from diffprt.compress import ClusteredGlossyTransfer, compress
 from diffprt.errors import InputError
 from diffprt.render import Camera, View, glossy_radiance, render
 from diffprt.scene import Light, builtin_environment, builtin_scene
@@ -84,6 +85,45 @@ def test_gradients_reach_transfer_and_light():
     rendered = render(GlossyTransfer(signal, receivers), Light(light), camera, samples=2)
     gradients = torch.autograd.grad(rendered.sum(), (signal, light))
     assert all(float(g.norm()) > 0 for g in gradients)
+
+
+def test_clustered_pictures_are_those_of_the_decoded_transfer(bumpy):
+    brdf = ModifiedPhong(16.0, specular=(0.9, 0.6, 0.3))
+    baked = bake_glossy(bumpy, brdf, order=3, order_out=3, rays=32, bounces=0)
+    camera = Camera.framing(baked.receivers.positions, width=40, height=32)
+    for channels in (1, 3):
+        check_clustered_pictures(baked.with_signal(baked.glossy[:, :channels]), camera)
+
+
+def check_clustered_pictures(baked: GlossyTransfer, camera: Camera) -> None:
+    """Few clusters are seen, more of them less so."""
+    asset = compress(baked, clusters=16, components=3)
+    sharp = compress(baked, clusters=48, components=8)
+    found, decoded, better, given = (
+        render(a, light_of(3), camera, background=0.1) for a in (asset, asset.decode(), sharp, baked)
+    )
+    assert float((found - decoded).abs().max()) < 1e-5 * float(decoded.max())
+    off, less = (float((picture - given).norm() / given.norm()) for picture in (found, better))
+    assert 1e-4 < off < 0.1
+    assert less < off / 2
+
+
+def test_gradients_reach_clusters_through_pixels():
+    """A slope of the picture against means, bases, weights and light, by finite differences."""
+    generator = torch.Generator().manual_seed(1)
+    positions = torch.tensor([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
+    normals = torch.nn.functional.normalize(positions * 0.2 + torch.tensor([0.0, 0, 1]), dim=-1)
+    receivers = Receivers(positions, normals, torch.zeros(4, 3), torch.tensor([[0, 1, 2], [0, 2, 3]]))
+    camera = Camera((0.5, 0.3, 4.0), (0.0, 0.0, 0.0), width=4, height=3)
+    view, labels = View.of(receivers, camera), torch.tensor([0, 1, 1, 0])
+    shapes = [(4, 3), (2, 1, 9, 4), (2, 2, 1, 9, 4), (4, 2)]
+    inputs = [torch.randn(s, dtype=torch.float64, generator=generator, requires_grad=True) for s in shapes]
+
+    def picture(light: torch.Tensor, *parameters: torch.Tensor) -> torch.Tensor:
+        return glossy_radiance(ClusteredGlossyTransfer(labels, *parameters, receivers), light, camera, view)
+
+    assert torch.autograd.gradcheck(picture, inputs)
+    assert all(float(g.norm()) > 0 for g in torch.autograd.grad(picture(*inputs).sum(), inputs))
 
 
 def test_nothing_in_view_is_black(spheres):

@@ -125,7 +125,7 @@ def test_shadowed_radiance_agrees_with_direct_integration(bumpy, brdf, error):
         weighted = cosine.sqrt()[:, None]
         errors.append(float(((found - truth) * weighted).norm() / (truth * weighted).norm()))
     assert errors[1] < error
-    assert errors[1] < 0.5 * errors[0]
+    assert errors[1] < 0.6 * errors[0]
 
 
 def test_tables_are_the_fit_times_the_shadow_matrix(bumpy):

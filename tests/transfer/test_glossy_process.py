@@ -1,5 +1,7 @@
 """A glossy bake as a process: its estimate, its limits, its reports, and vertices in any order."""
 
+from contextlib import contextmanager
+
 import pytest
 import torch
 
@@ -13,6 +15,7 @@ from diffprt.transfer import (
     bake_glossy,
     check_glossy_memory,
     check_glossy_time,
+    discard_chunks,
     estimate_glossy,
 )
 from diffprt.transfer.glossy_estimate import glossy_memory
@@ -74,6 +77,52 @@ def test_ctrl_c_says_what_is_lost(bumpy, monkeypatch):
     monkeypatch.setattr("diffprt.transfer.glossy_passes.GlossyPasses.shadows", stop)
     with pytest.raises(Interrupted, match="0 of 1 chunks of shadows were done, and nothing is kept"):
         bake_glossy(bumpy, GGX(0.5), order=2, rays=64)
+
+
+@pytest.mark.parametrize("passes", [0, 1, 2])
+def test_stopped_in_any_pass_and_resumed(passes, bumpy, tmp_path, monkeypatch):
+    """Hard case 30: in the shadow pass, the first or the second bounce; finished chunks are not computed again."""
+    monkeypatch.setattr("diffprt.transfer.glossy_chunks.RECEIVERS_PER_CHUNK", 128)
+    options = {"order": 2, "order_out": 3, "rays": 32, "bounces": 2, "bounce_rays": 32}
+    begun = []
+
+    @contextmanager
+    def impatient(text, total, done):
+        begun.append((text, total, done))
+        calls = []
+
+        def advance():
+            calls.append(1)
+            if len(begun) == passes + 1 and len(calls) == 3:
+                raise KeyboardInterrupt
+
+        yield advance
+
+    brdf = GGX(0.5, diffuse=(0.3, 0.2, 0.1), specular=0.6)
+    with pytest.raises(Interrupted, match=r"interrupted: \d+ of 18 chunks of all passes were done, and are kept in"):
+        bake_glossy(bumpy, brdf, **options, checkpoint=tmp_path / "parts", track=impatient)
+    assert [total for _, total, _ in begun] == [6] * (passes + 1)
+    report: dict = {}
+    resumed = bake_glossy(bumpy, brdf, **options, checkpoint=tmp_path / "parts", report=report)
+    assert 6 * passes + 3 <= report["counts"]["resumed_chunks"] < 6 * (passes + 1)
+    whole = bake_glossy(bumpy, brdf, **options)
+    assert torch.equal(resumed.glossy, whole.glossy) and resumed.certificate == whole.certificate
+    again: dict = {}
+    finished = bake_glossy(bumpy, brdf, **options, checkpoint=tmp_path / "parts", report=again)
+    assert again["counts"]["resumed_chunks"] == again["counts"]["chunks"] == 18
+    assert torch.equal(finished.glossy, whole.glossy)
+    with pytest.raises(InputError, match="chunks of a bake with other settings or another scene"):
+        bake_glossy(bumpy, GGX(0.6), **options, checkpoint=tmp_path / "parts")
+    discard_chunks(tmp_path / "parts")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_gradients_are_not_kept_on_disk(bumpy, tmp_path):
+    roughness = torch.tensor(0.5, requires_grad=True)
+    with pytest.raises(InputError, match="asks for gradients, which files do not keep"):
+        bake_glossy(bumpy, GGX(roughness), order=2, rays=16, bounces=0, checkpoint=tmp_path / "parts")
+    with torch.no_grad():
+        bake_glossy(bumpy, GGX(roughness), order=2, rays=16, bounces=0, checkpoint=tmp_path / "parts")
 
 
 def test_settings_hold_every_option_as_plain_values():
