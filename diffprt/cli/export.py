@@ -1,4 +1,4 @@
-"""Write an asset as a page that relights it in a browser."""
+"""Write an asset as a page that relights it in a browser, and as glTF and shaders for engines."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import typer
 from diffprt import asset as assets
 from diffprt.cli.inputs import load_light
 from diffprt.cli.report import JsonFile, check_output, size_text, write_report
-from diffprt.export import export
+from diffprt.export import export, export_glb, pack, write_shaders, write_three
 from diffprt.render import Camera, View, auto_exposure, render
 from diffprt.scene import Light
 
@@ -22,6 +22,11 @@ def run(
     window: str = typer.Option("hann", help="none, hann, lanczos or auto: trades contrast for less ringing."),
     curve: str = typer.Option("aces", help="linear, reinhard or aces."),
     title: str = typer.Option("", help="Shown on the page; the asset's name by default."),
+    registers: int = typer.Option(
+        None, help="Draws clusters in passes of that many float4 uniforms, such as 256.  [default: in one pass]"
+    ),
+    glb: bool = typer.Option(False, "--glb", help="Also scene.glb, and prt.three.js with an example that shows it."),
+    shaders: bool = typer.Option(False, "--shaders", help="Also its shaders as GLSL, GLSL ES, HLSL and WGSL."),
     json_file: Path = JsonFile,
 ) -> None:
     begun = time.perf_counter()
@@ -32,13 +37,22 @@ def run(
         shown = next(n for n in (stem, *(f"{stem} {i}" for i in range(2, len(light) + 2))) if n not in lights)
         lights[shown] = balance(asset, load_light(name, asset.order, window=window))
     check_output(output, directory=True)
-    report = export(asset, output, lights=lights, curve=curve, title=title or source.stem)
+    report = export(asset, output, lights=lights, curve=curve, title=title or source.stem, registers=registers)
     print(f"{report['path']}: {size_text(report['bytes'])}; open it in a browser")
+    if glb:
+        report["glb"] = export_glb(asset, output / "scene.glb", lights=lights, name=title or source.stem)
+        print(f"{report['glb']['path']}: {size_text(report['glb']['bytes'])}; example.html shows it with three.js")
+        report["three"] = [str(path) for path in write_three(output)]
+    if shaders:
+        sizes = {} if registers is None else {"REGISTERS": registers}
+        names = list(pack(asset, registers=registers).programs)
+        report["shaders"] = [str(path) for path in write_shaders(output / "shaders", names, sizes=sizes)]
+        print(f"{output / 'shaders'}: {len(report['shaders'])} files, {', '.join(names)}")
     write_report(
         json_file,
         "export",
         {
-            "settings": {"lights": list(lights), "window": window, "curve": curve},
+            "settings": {"lights": list(lights), "window": window, "curve": curve, "registers": registers},
             "timings": {"total": time.perf_counter() - begun},
             "counts": {"vertices": len(asset.receivers), "triangles": len(asset.receivers.faces)},
             "errors": asset.certificate,

@@ -6,8 +6,8 @@ import base64
 import html
 import json
 import math
-import os
 import re
+from collections.abc import Iterator
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -15,14 +15,14 @@ from typing import Any
 import numpy as np
 import torch
 
-from diffprt.compress.clustered import ClusteredTransfer
 from diffprt.errors import InputError
 from diffprt.export.default_light import default_light
-from diffprt.export.representations import floats, pack
+from diffprt.export.representations import Exportable, Packed, floats, pack
+from diffprt.export.shading import STAGES, shader_source
+from diffprt.export.whole_file import write_whole
 from diffprt.render.camera import Camera
 from diffprt.scene import Light
 from diffprt.shade import CURVES
-from diffprt.transfer import Transfer
 
 # In the order of their imports: the page runs them as one module.
 _SCRIPTS = (
@@ -30,9 +30,16 @@ _SCRIPTS = (
     "matrix.js",
     "tonemap.js",
     "payload.js",
-    "textures.js",
-    "sky.js",
+    "program.js",
+    "table.js",
+    "mesh.js",
+    "sum_target.js",
+    "cluster_light.js",
+    "cluster_passes.js",
+    "diffuse.js",
+    "glossy.js",
     "representations.js",
+    "light_ball.js",
     "renderer.js",
     "orbit.js",
     "pointer.js",
@@ -40,11 +47,10 @@ _SCRIPTS = (
     "panel.js",
     "main.js",
 )
-_SHADERS = ("display.frag.glsl", "sky.vert.glsl", "sky.frag.glsl")
 
 
 def export(
-    asset: Transfer | ClusteredTransfer,
+    asset: Exportable,
     directory: str | Path,
     *,
     lights: dict[str, Light] | None = None,
@@ -52,15 +58,17 @@ def export(
     exposure: float = 1.0,
     curve: str = "aces",
     title: str = "",
+    registers: int | None = None,
 ) -> dict:
     """Writes `directory/index.html`, a page that relights the asset in any browser with WebGL 2.
 
     The page opens from disk, asks the network for nothing, and computes what `shade` and `tone_map` compute:
-    the same sums in 32-bit floats per vertex, interpolated as linear radiance, tone-mapped per pixel.
+    the same sums in 32-bit floats, interpolated as `render` does it and tone-mapped per pixel. Its shaders are printed
+    from `diffprt.export.shading`.
     `window.diffprt` in the page takes other lights, cameras and settings from a script (`page/main.js`).
 
     Args:
-        asset: diffuse transfer, plain (up to order 10) or clustered, on receivers with faces.
+        asset: diffuse or glossy transfer, plain or clustered, on receivers with faces.
         directory: made if missing; an index.html in it is replaced whole or not at all.
         lights: lights to choose from, by the name shown, of the asset's order; the first one is shown first.
             Without them, a plain sky with a sun.
@@ -68,6 +76,8 @@ def export(
         exposure: factor on radiance, positive.
         curve: tone curve that is on first, one of `CURVES`.
         title: shown as the page's heading.
+        registers: draws clustered diffuse transfer super-cluster by super-cluster, with that many float4 uniforms a
+            pass (256 in the thesis of 2005), and adds the passes up; without it, in one pass from textures.
 
     Returns:
         {"path": str, "bytes": int, "parts": {"geometry", "signal", "page"}}; the parts are bytes in the file
@@ -77,7 +87,7 @@ def export(
         InputError: the asset has no faces or no shader, a light has another order than the asset, an option
             is out of range, or the directory cannot be made or written.
     """
-    packed = pack(asset)
+    packed = pack(asset, registers=registers)
     receivers = asset.receivers
     if len(receivers.faces) == 0:
         raise InputError("asset has no faces to draw: bake a mesh, or give its receivers faces")
@@ -89,27 +99,22 @@ def export(
         raise InputError(f"exposure is {exposure}: give a positive factor")
     camera = camera or Camera.framing(receivers.positions)
 
-    geometry = {
-        "positions": floats(receivers.positions),
-        "albedo": _one_if_uniform(floats(receivers.albedo)),
-        "indices": receivers.faces.detach().cpu().numpy().astype(np.uint32),
-    }
     title = title or "diffprt"
     manifest = {
         "title": title,
         "kind": packed.kind,
-        "shader": packed.shader,
+        "path": "single" if registers is None else "passes",
         "numbers": packed.numbers,
         "facts": {
             "vertices": len(receivers),
             "triangles": len(receivers.faces),
             **packed.facts,
-            "geometry_bytes": sum(array.nbytes for array in geometry.values()),
-            "signal_bytes": sum(array.nbytes for array in packed.arrays.values()),
+            "geometry_bytes": sum(array.nbytes for array in packed.geometry.values()),
+            "signal_bytes": sum(array.nbytes for array in packed.signal.values()),
         },
         "arrays": {
             name: {"dtype": array.dtype.name, "length": array.size}
-            for name, array in {**geometry, **packed.arrays}.items()
+            for name, array in {**packed.geometry, **packed.signal}.items()
         },
         "bounds": _bounds(receivers.positions),
         "camera": {
@@ -127,20 +132,20 @@ def export(
         "certificate": asset.certificate,
     }
 
-    signal_text = "\n".join(_array_element(name, array) for name, array in packed.arrays.items())
-    geometry_text = "\n".join(_array_element(name, array) for name, array in geometry.items())
+    signal_text = "\n".join(_array_element(name, array) for name, array in packed.signal.items())
+    geometry_text = "\n".join(_array_element(name, array) for name, array in packed.geometry.items())
     page = _fill_template(
         {
             "title": html.escape(title),
             "style": _source("style.css").rstrip(),
             "manifest": _script_json(manifest),
-            "shaders": "\n".join(_shader_element(name) for name in (packed.shader, *_SHADERS)),
+            "shaders": "\n".join(_shader_elements(packed, registers)),
             "arrays": f"{geometry_text}\n{signal_text}",
             "script": _joined_scripts(),
         }
     )
     content = page.encode()
-    path = _write_whole(Path(directory), content)
+    path = write_whole(Path(directory) / "index.html", content, "page")
     parts = {"geometry": len(geometry_text), "signal": len(signal_text)}
     parts["page"] = len(content) - sum(parts.values())
     return {"path": str(path), "bytes": len(content), "parts": parts}
@@ -159,10 +164,6 @@ def _check_lights(lights: dict[str, Light], order: int) -> None:
     for name, light in lights.items():
         if not bool(torch.isfinite(light.coefficients).all()):
             raise InputError(f"light '{name}' has coefficients that are not finite: project it again")
-
-
-def _one_if_uniform(albedo: np.ndarray) -> np.ndarray:
-    return albedo[:1] if bool((albedo == albedo[:1]).all()) else albedo
 
 
 def _bounds(positions: torch.Tensor) -> dict[str, Any]:
@@ -187,9 +188,12 @@ def _array_element(name: str, array: np.ndarray) -> str:
     return f'<script type="application/octet-stream;base64" id="array:{name}">{text}</script>'
 
 
-def _shader_element(name: str) -> str:
-    text = re.sub(r'#include "([\w.]+)"\n', lambda found: _source(found[1]), _source(name))
-    return f'<script type="text/x-glsl" id="shader:{name}">\n{text}</script>'
+def _shader_elements(packed: Packed, registers: int | None) -> Iterator[str]:
+    sizes = {} if registers is None else {"REGISTERS": registers}
+    for name in (*packed.programs, "sky"):
+        for stage in STAGES:
+            text = shader_source(name, stage, "glsl-es", sizes=sizes)
+            yield f'<script type="text/x-glsl" id="shader:{name}.{stage[:4]}">\n{text}</script>'
 
 
 def _joined_scripts() -> str:
@@ -223,23 +227,3 @@ def _plain(value: Any) -> Any:
 def _fill_template(entries: dict[str, str]) -> str:
     """Fills the places in one pass, so that nothing filled in is itself searched for places."""
     return re.sub(r"\{\{(\w+)\}\}", lambda place: entries[place[1]], _source("index.html"))
-
-
-def _write_whole(directory: Path, content: bytes) -> Path:
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(
-            f"directory {directory} cannot be made ({error.strerror}): choose a folder that you may write"
-        ) from None
-    path = directory / "index.html"
-    partial = directory / f".index.{os.getpid()}.partial"
-    try:
-        partial.write_bytes(content)
-        partial.replace(path)
-    except OSError as error:
-        partial.unlink(missing_ok=True)
-        raise InputError(
-            f"page {path} cannot be written ({error.strerror}): choose a folder that you may write"
-        ) from None
-    return path

@@ -7,6 +7,7 @@ import math
 import os
 import shutil
 from contextlib import contextmanager
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -14,9 +15,10 @@ import pytest
 import torch
 
 from diffprt import sh
-from diffprt.compress import ClusteredTransfer
-from diffprt.scene import Light
-from diffprt.transfer import Receivers, Transfer
+from diffprt.brdf import ModifiedPhong
+from diffprt.compress import ClusteredGlossyTransfer, ClusteredTransfer, compress
+from diffprt.scene import Light, Scene
+from diffprt.transfer import GlossyTransfer, Receivers, Transfer, bake_glossy
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 ARGUMENTS = [
@@ -29,6 +31,8 @@ ARGUMENTS = [
     "--disable-sync",
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
+    "--enable-unsafe-webgpu",
+    "--use-webgpu-adapter=swiftshader",
 ]
 
 
@@ -148,6 +152,33 @@ def browser():
         chromium.close()
 
 
+class NodeModules(type(Path())):
+    """The folder of tests/export/package.json's packages, and the program that runs them."""
+
+    node = shutil.which("node")
+
+
+@pytest.fixture(scope="session")
+def node_modules() -> NodeModules:
+    """three and gltf-validator from npm; with DIFFPRT_REQUIRE_BROWSER=1 their absence is a failure."""
+    folder = NodeModules(Path(__file__).parent / "node_modules")
+    if folder.node is None or not (folder / "three").is_dir() or not (folder / "gltf-validator").is_dir():
+        required = os.environ.get("DIFFPRT_REQUIRE_BROWSER") == "1"
+        (pytest.fail if required else pytest.skip)("no node packages: npm ci --prefix tests/export")
+    return folder
+
+
+@pytest.fixture
+def gpu_page(browser):
+    """A tab in which navigator.gpu answers: it needs a page of this machine's own."""
+    context = browser.new_context()
+    tab = context.new_page()
+    tab.route("http://localhost/", lambda route: route.fulfill(body="<!doctype html>", content_type="text/html"))
+    tab.goto("http://localhost/")
+    yield tab
+    context.close()
+
+
 @pytest.fixture
 def open_page(browser):
     """open_page(path, **context options) -> Page; closed with the test, and checked for having been quiet."""
@@ -191,3 +222,17 @@ def plain() -> Transfer:
 @pytest.fixture(scope="session")
 def clustered(plain) -> ClusteredTransfer:
     return cluster(plain, clusters=12, components=5)
+
+
+@pytest.fixture(scope="session")
+def dented() -> Scene:
+    """The dented ball's triangles: dents shadow each other a little, and no pixel spans much of one."""
+    receivers = bumpy_sphere(order=1, channels=1, rows=24).receivers
+    return Scene.from_mesh(receivers.positions, receivers.faces, normals=receivers.normals, name="dented ball")
+
+
+@pytest.fixture(scope="session")
+def glossy_assets(dented) -> tuple[GlossyTransfer, ClusteredGlossyTransfer]:
+    """A partly shadowed surface with a Phong lobe, uncompressed and clustered."""
+    glossy = bake_glossy(dented, ModifiedPhong(24.0), order=4, order_out=5, rays=64, bounces=0)
+    return glossy, compress(glossy, clusters=6, components=7, iterations=4)

@@ -28,7 +28,7 @@ def test_report_accounts_for_every_byte(clustered, tmp_path) -> None:
     path = tmp_path / "new" / "folder" / "index.html"
     assert report["path"] == str(path)
     assert report["bytes"] == path.stat().st_size == sum(report["parts"].values())
-    signal = sum(array.nbytes for array in pack(clustered).arrays.values())
+    signal = sum(array.nbytes for array in pack(clustered).signal.values())
     assert signal * 4 / 3 <= report["parts"]["signal"] <= signal * 4 / 3 + 500
     assert report["parts"]["page"] < 100_000
     assert [entry.name for entry in path.parent.iterdir()] == ["index.html"], "a temporary file was left"
@@ -84,7 +84,7 @@ def test_labels_take_the_least_room(clusters, dtype, plain) -> None:
     labels = torch.arange(count) * (clusters - 1) // (count - 1)
     signal = torch.zeros(clusters, 1, 1)
     asset = ClusteredTransfer(labels, signal, signal[:, None], torch.zeros(count, 1), plain.receivers)
-    packed = pack(asset).arrays["labels"]
+    packed = pack(asset).signal["labels"]
     assert packed.dtype == dtype
     assert packed.tolist() == labels.tolist()
 

@@ -32,8 +32,8 @@ class Viewer {
   constructor() {
     this.canvas = document.getElementById("view");
     const manifest = readManifest();
-    const { kind, shader, numbers } = manifest;
-    const asset = { kind, shader, numbers, arrays: readArrays(manifest) };
+    const { kind, numbers } = manifest;
+    const asset = { kind, numbers, arrays: readArrays(manifest) };
     this.manifest = manifest;
     this.coefficients = manifest.facts.order ** 2 * 3;
     this.lights = manifest.lights.map(({ coefficients }) => Float64Array.from(coefficients));
@@ -53,6 +53,7 @@ class Viewer {
       curve: manifest.curve,
       background: "light", // a name the panel knows, or radiance [r, g, b]
       spinning: false,
+      path: this.usualPath(),
     };
     this.lightChanged = true;
     this.panel = new Panel(manifest, this.actions());
@@ -61,6 +62,12 @@ class Viewer {
     new ResizeObserver(() => this.layout()).observe(this.canvas);
     new ResizeObserver(() => this.layout()).observe(document.getElementById("panel"));
     this.layout();
+  }
+
+  // What the export asked for, where this device can do it.
+  usualPath() {
+    const { paths } = this.renderer;
+    return paths.includes(this.manifest.path) ? this.manifest.path : paths[0];
   }
 
   actions() {
@@ -182,8 +189,8 @@ class Viewer {
     }
     const size = this.fixedSize ?? { width: canvas.clientWidth || 1, height: canvas.clientHeight || 1 };
     const matrices = this.fixedCamera ?? this.orbit.matrices(size.width, size.height, this.free());
-    const { exposure, curve, turn } = state;
-    return { ...matrices, exposure, curve, turn, background: this.background(), skyLight: state.light };
+    const { exposure, curve, path } = state;
+    return { ...matrices, exposure, curve, path, background: this.background() };
   }
 
   background() {
@@ -196,6 +203,20 @@ class Viewer {
     const { width, height } = this.canvas;
     const bytes = this.renderer.pixels(this.picture(), width, height);
     return { width, height, data: encodeBase64(bytes) };
+  }
+
+  timeFrames(count, turning) {
+    const { gl } = this.renderer;
+    const pixel = new Uint8Array(4);
+    const times = [];
+    for (let i = 0; i < count; i++) {
+      const begun = performance.now();
+      if (turning) this.setLightAngles({ azimuth: this.state.azimuth + 1 });
+      this.draw();
+      gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel); // waits until all is drawn
+      times.push(performance.now() - begun);
+    }
+    return times;
   }
 
   save() {
@@ -277,6 +298,14 @@ function scripted(viewer) {
       if (!CURVES.includes(curve)) throw new Error(`tone curve '${curve}' is unknown: use one of ${CURVES.join(", ")}`);
       viewer.change({ curve });
     },
+    // How clusters are drawn: "single", or "passes" where the asset was exported with registers and the device can.
+    setPath(path) {
+      const { paths } = viewer.renderer;
+      if (!paths.includes(path)) throw new Error(`path '${path}' is not to be had here: use one of ${paths.join(", ")}`);
+      viewer.change({ path });
+    },
+    // Milliseconds of `count` frames, each drawn whole; with `turning`, under a light turned a little further.
+    timeFrames: (count, turning = false) => viewer.timeFrames(count, turning),
     // Radiance [r, g, b], tone-mapped like the asset, or "light", "grey" or "dark".
     setBackground(background) {
       const named = background === "light" || Object.hasOwn(PLAIN_BACKGROUNDS, background);
@@ -296,9 +325,10 @@ function scripted(viewer) {
     rotateCoefficients: (coefficients, rotation) => Array.from(shRotate(Float64Array.from(coefficients), rotation)),
     get info() {
       const { title, kind, facts, certificate, lights } = viewer.manifest;
-      const { azimuth, elevation, exposure, curve, background, lightIndex, spinning } = viewer.state;
-      const shown = { azimuth, elevation, exposure, curve, background, spinning };
-      return { title, kind, ...facts, certificate, lights: lights.map(({ name }) => name), lightIndex, ...shown };
+      const { azimuth, elevation, exposure, curve, background, lightIndex, spinning, path } = viewer.state;
+      const shown = { azimuth, elevation, exposure, curve, background, spinning, lightIndex, path };
+      const names = lights.map(({ name }) => name);
+      return { title, kind, ...facts, certificate, lights: names, ...shown, paths: viewer.renderer.paths };
     },
   };
 }

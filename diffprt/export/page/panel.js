@@ -1,5 +1,5 @@
 // The panel: reads and shows the state, and tells `actions` what the reader asked for.
-import { drawBall } from "./sky.js";
+import { drawBall } from "./light_ball.js";
 
 const element = (id) => document.getElementById(id);
 const whole = new Intl.NumberFormat("en");

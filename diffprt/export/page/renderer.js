@@ -1,13 +1,14 @@
 // Draws one frame: the sky or a plain colour, then the asset. Keeps what it needs to build all again
 // after the browser has taken the graphics context away.
+import { padLight } from "./cluster_light.js";
+import { LONGEST_LIGHT } from "./diffuse.js";
 import { inverse4, multiply } from "./matrix.js";
-import { readShader } from "./payload.js";
+import { Program } from "./program.js";
 import { REPRESENTATIONS } from "./representations.js";
-import { SkyTexture } from "./sky.js";
 import { CURVES } from "./tonemap.js";
 
 export class Renderer {
-  // asset: { shader, kind, numbers, arrays } with arrays.positions, .albedo, .indices and those of its kind.
+  // asset: { kind, numbers, arrays } with arrays.positions, .indices and those of its kind.
   constructor(canvas, asset) {
     const options = { antialias: true, alpha: false, depth: true, powerPreference: "high-performance" };
     this.gl = canvas.getContext("webgl2", options);
@@ -20,88 +21,56 @@ export class Renderer {
 
   build() {
     const { gl, asset } = this;
-    const { positions, albedo, indices } = asset.arrays;
-    this.skyProgram = linkProgram(gl, "sky.vert.glsl", "sky.frag.glsl");
-    this.program = linkProgram(gl, asset.shader, "display.frag.glsl");
-    this.places = new Map();
+    this.skyProgram = new Program(gl, "sky");
     this.emptyArray = gl.createVertexArray();
-    this.vertexArray = gl.createVertexArray();
-    gl.bindVertexArray(this.vertexArray);
-    attribute(gl, 0, positions);
-    if (albedo.length === 3) {
-      gl.vertexAttrib3fv(1, albedo); // one albedo for all
-    } else {
-      attribute(gl, 1, albedo);
-    }
-    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
-    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, indices, gl.STATIC_DRAW);
-    this.representation = REPRESENTATIONS[asset.kind](gl, this.program, asset);
-    gl.bindVertexArray(null);
-    this.sky = null;
-    this.skyLight = null;
+    this.representation = new REPRESENTATIONS[asset.kind](gl, asset);
     gl.enable(gl.DEPTH_TEST);
     if (gl.getError() === gl.OUT_OF_MEMORY) throw new Error("the asset does not fit into graphics memory");
   }
 
+  // The ways in which this device can draw the asset.
+  get paths() {
+    return this.representation.paths;
+  }
+
   // light: [K * 3], already turned.
   setLight(light) {
-    this.gl.activeTexture(this.gl.TEXTURE0);
+    this.light = light;
     this.representation.setLight(light);
   }
 
-  // frame: { view, projection (row-major), exposure, curve, background: display values [r, g, b] or "light",
-  //          skyLight (unturned), turn (row-major 3 x 3) }
-  draw(frame, width, height) {
+  // frame: { view, projection (row-major), exposure, curve, path, background: display values [r, g, b] or "light" }
+  draw(frame, width, height, framebuffer = null) {
     const { gl } = this;
+    const shared = {
+      projectionView: multiply(frame.projection, frame.view, 4),
+      eye: eyeOf(frame.view),
+      exposure: frame.exposure,
+      curve: CURVES.indexOf(frame.curve),
+    };
+    gl.bindFramebuffer(gl.FRAMEBUFFER, framebuffer);
     gl.viewport(0, 0, width, height);
     const showsSky = frame.background === "light";
     gl.clearColor(...(showsSky ? [0, 0, 0] : frame.background), 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-    if (showsSky) this.drawSky(frame);
-
-    gl.useProgram(this.program);
-    this.setDisplay(this.program, frame);
-    const projectionView = multiply(frame.projection, frame.view, 4);
-    gl.uniformMatrix4fv(this.place(this.program, "projectionView"), true, projectionView);
-    this.representation.bind();
-    gl.bindVertexArray(this.vertexArray);
-    gl.drawElements(gl.TRIANGLES, this.asset.arrays.indices.length, gl.UNSIGNED_INT, 0);
-    gl.bindVertexArray(null);
+    if (showsSky) this.drawSky(frame, shared);
+    this.representation.draw(shared, { framebuffer, width, height }, frame.path);
   }
 
-  drawSky(frame) {
+  drawSky({ view: v, projection }, shared) {
     const { gl } = this;
-    gl.activeTexture(gl.TEXTURE0);
-    this.sky ??= new SkyTexture(gl, Math.round(Math.sqrt(frame.skyLight.length / 3)));
-    if (this.skyLight !== frame.skyLight) {
-      this.sky.update(frame.skyLight);
-      this.skyLight = frame.skyLight;
-    }
-    const v = frame.view;
     const turnOnly = [v[0], v[1], v[2], 0, v[4], v[5], v[6], 0, v[8], v[9], v[10], 0, 0, 0, 0, 1];
-    gl.useProgram(this.skyProgram);
-    this.setDisplay(this.skyProgram, frame);
-    const rayFromClip = inverse4(multiply(frame.projection, turnOnly, 4));
-    gl.uniformMatrix4fv(this.place(this.skyProgram, "rayFromClip"), true, rayFromClip);
-    gl.uniformMatrix3fv(this.place(this.skyProgram, "lightTurn"), true, frame.turn);
-    gl.uniform1i(this.place(this.skyProgram, "sky"), 0);
-    gl.bindTexture(gl.TEXTURE_2D, this.sky.texture);
+    this.skyProgram.use({
+      ...shared,
+      rayFromClip: inverse4(multiply(projection, turnOnly, 4)),
+      order: Math.round(Math.sqrt(this.light.length / 3)),
+      light: padLight(this.light, LONGEST_LIGHT),
+    });
     gl.bindVertexArray(this.emptyArray);
     gl.disable(gl.DEPTH_TEST);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     gl.enable(gl.DEPTH_TEST);
-  }
-
-  setDisplay(program, frame) {
-    this.gl.uniform1f(this.place(program, "exposure"), frame.exposure);
-    this.gl.uniform1i(this.place(program, "curve"), CURVES.indexOf(frame.curve));
-  }
-
-  place(program, name) {
-    if (!this.places.has(program)) this.places.set(program, {});
-    const known = this.places.get(program);
-    known[name] ??= this.gl.getUniformLocation(program, name);
-    return known[name];
+    gl.bindVertexArray(null);
   }
 
   // One sample at each pixel's centre, top row first; alpha is 255 where the asset covers it, else 0.
@@ -119,7 +88,7 @@ export class Renderer {
       gl.framebufferRenderbuffer(gl.FRAMEBUFFER, attachment, gl.RENDERBUFFER, buffer);
       return buffer;
     });
-    this.draw(frame, width, height);
+    this.draw(frame, width, height, framebuffer);
     const upward = new Uint8Array(width * height * 4);
     gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, upward);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
@@ -134,30 +103,7 @@ export class Renderer {
   }
 }
 
-function attribute(gl, location, values) {
-  gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
-  gl.bufferData(gl.ARRAY_BUFFER, values, gl.STATIC_DRAW);
-  gl.enableVertexAttribArray(location);
-  gl.vertexAttribPointer(location, 3, gl.FLOAT, false, 0, 0);
-}
-
-function linkProgram(gl, vertexName, fragmentName) {
-  const program = gl.createProgram();
-  for (const [type, name] of [
-    [gl.VERTEX_SHADER, vertexName],
-    [gl.FRAGMENT_SHADER, fragmentName],
-  ]) {
-    const shader = gl.createShader(type);
-    gl.shaderSource(shader, readShader(name));
-    gl.compileShader(shader);
-    if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS) && !gl.isContextLost()) {
-      throw new Error(`shader ${name} does not compile here: ${gl.getShaderInfoLog(shader)}`);
-    }
-    gl.attachShader(program, shader);
-  }
-  gl.linkProgram(program);
-  if (!gl.getProgramParameter(program, gl.LINK_STATUS) && !gl.isContextLost()) {
-    throw new Error(`shader ${vertexName} does not link here: ${gl.getProgramInfoLog(program)}`);
-  }
-  return program;
+// Where a row-major view matrix of a turn and a shift looks from.
+function eyeOf(v) {
+  return [0, 1, 2].map((axis) => -(v[axis] * v[3] + v[4 + axis] * v[7] + v[8 + axis] * v[11]));
 }

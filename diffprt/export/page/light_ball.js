@@ -1,8 +1,5 @@
-// The light as a picture: an equirectangular map for the background, a mirror ball for the selector.
+// The light as a mirror ball, for the selector.
 import { shBasis } from "./sh.js";
-
-const SKY_WIDTH = 256;
-const SKY_HEIGHT = 128;
 
 // Basis values of a list of directions, kept because every light of the asset has the same order.
 function basisTable(order, directions) {
@@ -26,36 +23,6 @@ function radianceTable(basis, light, alpha) {
     radiance.set([r, g, b, alpha], 4 * i);
   }
   return radiance;
-}
-
-// Top row +y, centre column looks along -z, right of the centre is +x: as diffprt reads environments.
-export class SkyTexture {
-  constructor(gl, order) {
-    const directions = [];
-    for (let row = 0; row < SKY_HEIGHT; row++) {
-      for (let column = 0; column < SKY_WIDTH; column++) {
-        const t = (Math.PI * (row + 0.5)) / SKY_HEIGHT;
-        const p = 2 * Math.PI * ((column + 0.5) / SKY_WIDTH - 0.5);
-        directions.push([Math.sin(t) * Math.sin(p), Math.cos(t), -Math.sin(t) * Math.cos(p)]);
-      }
-    }
-    this.gl = gl;
-    this.basis = basisTable(order, directions);
-    this.texture = gl.createTexture();
-    gl.bindTexture(gl.TEXTURE_2D, this.texture);
-    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.LINEAR);
-    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, gl.LINEAR);
-    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_S, gl.REPEAT);
-    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE);
-  }
-
-  update(light) {
-    const { gl } = this;
-    gl.bindTexture(gl.TEXTURE_2D, this.texture);
-    // Half floats can be filtered everywhere; 65504 is their largest number.
-    const radiance = radianceTable(this.basis, light, 1).map((x) => Math.min(Math.max(x, 0), 65504));
-    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA16F, SKY_WIDTH, SKY_HEIGHT, 0, gl.RGBA, gl.FLOAT, radiance);
-  }
 }
 
 const MAX_BALL_SIDE = 96;
