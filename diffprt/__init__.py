@@ -10,6 +10,7 @@ from diffprt.asset import load, save
 from diffprt.compress import ClusteredGlossyTransfer, ClusteredTransfer, compress
 from diffprt.errors import InputError
 from diffprt.export import export
+from diffprt.optimize import References, load_references, make_references, optimize, save_references
 from diffprt.render import Camera, render
 from diffprt.scene import Environment, Light, Scene
 from diffprt.shade import shade, tone_map
@@ -25,14 +26,19 @@ __all__ = [
     "InputError",
     "Light",
     "Receivers",
+    "References",
     "Scene",
     "Transfer",
     "bake",
     "compress",
     "export",
     "load",
+    "load_references",
+    "make_references",
+    "optimize",
     "render",
     "save",
+    "save_references",
     "shade",
     "tone_map",
     "trace",

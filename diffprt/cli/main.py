@@ -9,7 +9,7 @@ from collections.abc import Callable
 import typer
 
 import diffprt
-from diffprt.cli import bake, compress, demo, doctor, export, info, plan, render, study
+from diffprt.cli import bake, compress, demo, doctor, export, info, invert, optimize, plan, render, study
 from diffprt.errors import InputError
 
 app = typer.Typer(
@@ -35,8 +35,9 @@ def _interruptible(run: Callable[..., None]) -> Callable[..., None]:
     return guarded
 
 
-for command in (demo, doctor, plan, bake, compress, render, export, info):
+for command in (demo, doctor, plan, bake, compress, render, optimize, export, info):
     app.command(name=command.__name__.rpartition(".")[2], help=command.__doc__)(_interruptible(command.run))
+app.add_typer(invert.app, name="invert")
 app.add_typer(study.app, name="study")
 
 

@@ -12,6 +12,8 @@ from diffprt.cli.inputs import load_light, parse_color, parse_number, parse_size
 from diffprt.cli.report import JsonFile, check_output, write_report
 from diffprt.errors import InputError
 from diffprt.images import write_image
+from diffprt.optimize import make_references, save_references
+from diffprt.progress import track
 from diffprt.render import Camera, View, auto_exposure, render
 from diffprt.shade import tone_map
 
@@ -30,8 +32,17 @@ def run(
     curve: str = typer.Option("aces", help="linear, reinhard or aces."),
     background: str = typer.Option("0.05", help="A color (0.05 or r,g,b) or 'light'."),
     samples: int = typer.Option(2, help="Samples a side of each pixel."),
+    reference_set: int = typer.Option(
+        None, help="Write this many pictures, each of a random view and light, with references.json, to the folder -o."
+    ),
+    lights: str = typer.Option(
+        "sky,studio", help="With --reference-set: lights and maps, separated by commas, each turned at random."
+    ),
+    seed: int = typer.Option(0, help="With --reference-set: of views and turns."),
     json_file: Path = JsonFile,
 ) -> None:
+    if reference_set is not None:
+        return _reference_set(source, lights.split(","), output, reference_set, size, window, samples, seed, json_file)
     if output.suffix.lower() not in (".png", ".exr"):
         raise InputError(f"output {output} has ending '{output.suffix}': give a .png or .exr file")
     behind = background if background == "light" else parse_color(background, "background")
@@ -73,3 +84,32 @@ def run(
             "outputs": {"image": str(output), "bytes": output.stat().st_size},
         },
     )
+
+
+def _reference_set(
+    source: Path,
+    lights: list[str],
+    folder: Path,
+    count: int,
+    size: str,
+    window: str,
+    samples: int,
+    seed: int,
+    json_file: Path | None,
+) -> None:
+    """Writes random views of an uncompressed asset under random lights, for 'diffprt optimize --references'."""
+    if folder.suffix:
+        raise InputError(f"output {folder} has an ending: give a folder, such as -o references")
+    width, height = parse_size(size)
+    begun = time.perf_counter()
+    asset = assets.load(source)
+    projected = [load_light(light.strip(), asset.order, window=window) for light in lights]
+    check_output(folder, directory=True)
+    references = make_references(
+        asset, projected, count, width=width, height=height, samples=samples, seed=seed, track=track
+    )
+    save_references(references, folder)
+    print(f"{folder}: {count} pictures of {width} x {height}, lights {', '.join(lights)}")
+    settings = {"lights": lights, "window": window, "samples": samples, "size": [width, height], "seed": seed}
+    report = {"settings": settings, "timings": {"total": time.perf_counter() - begun}, "counts": {"pictures": count}}
+    write_report(json_file, "render", report | {"outputs": {"references": str(folder)}})

@@ -17,13 +17,13 @@ import scipy.sparse
 import torch
 
 from diffprt import sh
-from diffprt.compress import ClusteredTransfer
+from diffprt.compress import ClusteredTransfer, GlossyAsset
 from diffprt.errors import InputError
 from diffprt.render.camera import Camera
 from diffprt.render.view import View
 from diffprt.scene import Light
 from diffprt.shade import mirrored_basis, mirrored_radiance, shade
-from diffprt.transfer import GlossyTransfer, Receivers, Transfer
+from diffprt.transfer import Receivers, Transfer
 from diffprt.transfer.operator import OperatorRows, StoredOperator
 
 # What assets hold for each receiver; means and bases are shared by all.
@@ -135,7 +135,7 @@ class FrozenView:
 
 
 def pixel_radiance(
-    asset: Transfer | ClusteredTransfer | GlossyTransfer,
+    asset: Transfer | ClusteredTransfer | GlossyAsset,
     light: Light | torch.Tensor,
     frozen: FrozenView,
     *,
@@ -157,7 +157,7 @@ def pixel_radiance(
 
 
 def picture(
-    asset: Transfer | ClusteredTransfer | GlossyTransfer,
+    asset: Transfer | ClusteredTransfer | GlossyAsset,
     light: Light | torch.Tensor,
     frozen: FrozenView,
     *,
@@ -180,7 +180,7 @@ def picture(
     return frozen.framed(pixel_radiance(asset, light, frozen, albedo=albedo))
 
 
-def in_sight(asset: Transfer | ClusteredTransfer | GlossyTransfer, seen: torch.Tensor):
+def in_sight(asset: Transfer | ClusteredTransfer | GlossyAsset, seen: torch.Tensor):
     """The asset at the receivers `seen`, int64 [S], alone, without triangles; gradients pass through."""
     rows = {name: getattr(asset, name)[seen] for name in _PER_RECEIVER if getattr(asset, name, None) is not None}
     return replace(asset, receivers=asset.receivers.picked(seen), **rows)

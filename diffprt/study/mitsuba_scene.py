@@ -70,17 +70,22 @@ def mitsuba_map(light: Light, rows: int = _MAP_ROWS) -> torch.Tensor:
     Raises:
         InputError: the light is negative somewhere, which no path tracer can sample.
     """
-    columns = 2 * rows
-    polar = torch.pi * torch.arange(rows, dtype=torch.float64)[:, None] / (rows - 1)
-    longitude = 2 * torch.pi * (torch.arange(columns, dtype=torch.float64) + 0.5) / columns
-    sine = polar.sin()
-    directions = torch.stack([sine * longitude.sin(), polar.cos().expand(-1, columns), -sine * longitude.cos()], dim=-1)
+    directions = mitsuba_directions(rows)
     radiance = sh.evaluate(light.coefficients.detach().double(), directions)
     lowest, highest = float(radiance.min()), float(radiance.max())
     # Coefficients are rounded to float32, so a light that touches zero may cross it by as much.
     if lowest < -1e-5 * highest:
         raise InputError(f"the light is negative, {lowest:.3g} of {highest:.3g}: project it with window='auto'")
     return radiance.clamp_min(0).float()
+
+
+def mitsuba_directions(rows: int) -> torch.Tensor:
+    """Where the texels of Mitsuba's map look, unit, float64 [rows, 2 rows, 3]."""
+    columns = 2 * rows
+    polar = torch.pi * torch.arange(rows, dtype=torch.float64)[:, None] / (rows - 1)
+    longitude = 2 * torch.pi * (torch.arange(columns, dtype=torch.float64) + 0.5) / columns
+    sine = polar.sin()
+    return torch.stack([sine * longitude.sin(), polar.cos().expand(-1, columns), -sine * longitude.cos()], dim=-1)
 
 
 def mitsuba_scene(mitsuba: ModuleType, scene: Scene, light: Light, camera: Camera, brdf: Sequence[Brdf] = ()) -> object:

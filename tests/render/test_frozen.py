@@ -6,27 +6,31 @@ import pytest
 import torch
 
 from diffprt import sh
-from diffprt.brdf import ModifiedPhong
+from diffprt.brdf import CookTorrance, ModifiedPhong, fitted_matrix
 from diffprt.compress import ClusteredTransfer, compress
 from diffprt.compress.soft import soft_assignment
 from diffprt.errors import InputError
 from diffprt.render import Camera, FrozenView, View, picture, render
 from diffprt.scene import Environment, builtin_environment
+from diffprt.sh.frames import frame_rotations, rows_from_frames
 from diffprt.shade import CURVES, tone_map
 from diffprt.transfer import GlossyTransfer, Receivers, Transfer, bake_glossy
+from diffprt.transfer.sampling import tangent_frames
 
 
 @pytest.fixture(scope="module")
 def assets(bumpy, bumpy_transfer) -> dict:
+    glossy = bake_glossy(bumpy, ModifiedPhong(16.0), order=4, order_out=5, rays=16, bounces=0)
     return {
         "diffuse": bumpy_transfer,
         "clustered": compress(bumpy_transfer, clusters=8, components=3),
-        "glossy": bake_glossy(bumpy, ModifiedPhong(16.0), order=4, order_out=5, rays=16, bounces=0),
+        "glossy": glossy,
+        "clustered glossy": compress(glossy, clusters=4, components=2),
     }
 
 
 @pytest.mark.parametrize("samples", [1, 3])
-@pytest.mark.parametrize("name", ["diffuse", "clustered", "glossy"])
+@pytest.mark.parametrize("name", ["diffuse", "clustered", "glossy", "clustered glossy"])
 def test_pictures_are_those_of_render(assets, name, samples):
     asset = assets[name]
     light = builtin_environment("studio").project(4, window="auto")
@@ -107,6 +111,31 @@ def test_gradients_of_glossy_transfer_and_light():
     assert torch.autograd.gradcheck(lambda t, l: picture(GlossyTransfer(t, receivers), l, frozen), inputs)
 
 
+@pytest.mark.parametrize(
+    ("make", "start", "step"),
+    [(ModifiedPhong, 12.0, 0.05), (lambda roughness: CookTorrance(roughness=roughness), 0.35, 1e-3)],
+    ids=["phong", "cook-torrance"],
+)
+def test_gradients_of_gloss(make, start, step):
+    """From an exponent or a roughness, through the BRDF's matrix on each receiver's axes, to the picture."""
+    receivers, frozen = square()
+    light, along = doubles(16, 3, seed=2).detach(), doubles(*frozen.mask.shape, 3, seed=3).detach()
+    rotations = frame_rotations(tangent_frames(receivers.normals.double()), 4)
+
+    def total(shape: torch.Tensor) -> torch.Tensor:
+        matrix = fitted_matrix(make(shape), 4, 4)
+        rows = rows_from_frames(matrix.expand(len(receivers), *matrix.shape).flatten(1, 2), rotations)
+        drawn = picture(GlossyTransfer(rows.unflatten(1, matrix.shape[:2]), receivers), light, frozen)
+        return (drawn * along).sum()
+
+    shape = torch.tensor(start, dtype=torch.float64, requires_grad=True)
+    (gradient,) = torch.autograd.grad(total(shape), shape)
+    with torch.no_grad():
+        difference = (total(shape + step) - total(shape - step)) / (2 * step)
+    # The quadrature's nodes gather around the lobe, whose width they take as a constant.
+    assert float(gradient) == pytest.approx(float(difference), rel=1e-3) and abs(float(gradient)) > 1e-3
+
+
 @pytest.mark.parametrize("curve", CURVES)
 def test_gradients_of_texels_exposure_and_curve(curve):
     """From an environment's texels, through projection, shading, exposure and the curve, to display values."""
@@ -117,7 +146,7 @@ def test_gradients_of_texels_exposure_and_curve(curve):
 
     def shown(texels, exposure):
         light = Environment(texels).project(2)
-        return tone_map(picture(transfer, light, frozen), exposure=exposure, curve=curve)[frozen.mask]
+        return tone_map(picture(transfer, light, frozen), exposure=exposure, curve=curve)[frozen.mask][::5]
 
     values = shown(texels, exposure).detach()
     assert float(values.min()) > 0.01 and float(values.max()) < 1, "the curve clips where it has no gradient"

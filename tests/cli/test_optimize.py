@@ -1,0 +1,84 @@
+"""`diffprt render --reference-set` and `diffprt optimize`, as their users type them."""
+
+import json
+
+import pytest
+
+from diffprt.asset import load, save
+from diffprt.cli import main
+from diffprt.cli.optimize import parse_bytes
+from diffprt.compress import compress
+from diffprt.errors import InputError
+from diffprt.optimize import load_references
+
+
+def run(*arguments: object) -> int:
+    with pytest.raises(SystemExit) as ended:
+        main([str(a) for a in arguments])
+    return ended.value.code
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory, bumpy_transfer):
+    """An asset, a compressed one and references."""
+    place = tmp_path_factory.mktemp("optimize")
+    save(bumpy_transfer, place / "whole.prt")
+    save(compress(bumpy_transfer, clusters=6, components=3), place / "small.prt")
+    options = ("--reference-set", 8, "--lights", "sky,studio", "--size", "40x32", "--seed", 3, "--samples", 1)
+    assert run("render", place / "whole.prt", *options, "-o", place / "views") == 0
+    return place
+
+
+def test_a_reference_set_is_made(folder):
+    found = load_references(folder / "views")
+    assert len(found) == 8 and found.entries[0].image.shape == (32, 40, 3)
+    assert len(list((folder / "views").glob("*.exr"))) == 8
+
+
+def test_an_asset_is_optimized_with_a_report(folder, tmp_path, capsys):
+    out, report = tmp_path / "better.prt", tmp_path / "report.json"
+    given = ("--references", folder / "views", "--target", folder / "whole.prt", "--bytes", "20KB")
+    assert run("optimize", folder / "small.prt", *given, "--steps", 20, "-o", out, "--json", report) == 0
+    found = json.loads(report.read_text())
+    assert found["command"] == "optimize" and found["timings"]["optimize"] > 0
+    assert found["errors"]["after"] <= found["errors"]["before"] and len(found["history"]) > 5
+    assert load(out).nbytes <= 20_000
+    assert "held-out pictures" in capsys.readouterr().out
+    assert list(tmp_path.iterdir()) and not (tmp_path / "better.prt.checkpoint").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--learning-rate", 50), "learning_rate is 50"),
+        (("--bytes", "lots"), "bytes is 'lots'"),
+        (("--bytes", "20KB"), "give target"),
+        (("--loss", "3*wonder"), "loss 'wonder' is unknown"),
+        (("--parameters", "means,gloss"), "gloss"),
+        (("-o", "better.txt"), "give a .prt file"),
+    ],
+)
+def test_mistakes_are_one_line_and_write_nothing(folder, tmp_path, capsys, arguments, message):
+    out = () if "-o" in arguments else ("-o", tmp_path / "out.prt")
+    assert run("optimize", folder / "small.prt", "--references", folder / "views", *out, *arguments) == 2
+    text = capsys.readouterr().err
+    assert message in text and text.count("\n") == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_set_needs_a_folder_and_uncompressed_transfer(folder, tmp_path, capsys):
+    assert run("render", folder / "whole.prt", "--reference-set", 2, "-o", tmp_path / "views.png") == 2
+    assert "give a folder" in capsys.readouterr().err
+    assert run("render", folder / "small.prt", "--reference-set", 2, "-o", tmp_path / "views") == 2
+    assert "compressed" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("text", "count"), [("2MB", 2_000_000), ("1.5 kb", 1500), ("700", 700), ("3G", 3_000_000_000)])
+def test_bytes_are_read(text, count):
+    assert parse_bytes(text) == count
+
+
+@pytest.mark.parametrize("text", ["", "MB", "-3", "2TB", "1..2MB", "0"])
+def test_bad_bytes_are_named(text):
+    with pytest.raises(InputError, match="give a size"):
+        parse_bytes(text)
