@@ -121,6 +121,34 @@ def print_overdraw(report: dict) -> None:
         print(f"picture: {path}")
 
 
+def print_clustering(report: dict) -> None:
+    """The times of `clustering_study`, and what the best method reaches."""
+    for note in report["notes"]:
+        print(f"note: {note}")
+    settings, kmeans, best = (report[name] for name in ("settings", "kmeans", "best"))
+    rows = [
+        [name, *(f"{kmeans[name][key]['median']:.3g}" for key in ("cpu_seconds", "seconds", "energy"))]
+        for name in ("ours", "faiss")
+        if kmeans[name] is not None
+    ]
+    size = f"{settings['size'][0]} x {settings['size'][1]} into {settings['clusters']}"
+    title = f"k-means, {size}, {settings['iterations']} iterations, medians of {settings['rounds']} rounds"
+    print_table(title, ["", "CPU s", "wall s", "energy"], rows)
+    if kmeans["cpu_ratio"] is not None:
+        energy = kmeans["energy_ratio"]
+        told = "" if energy is None else f", energy {energy['median']:.4f} times"
+        print(f"ours over faiss: CPU time {kmeans['cpu_ratio']['median']:.2f} times{told}")
+    columns = [best["method"], "original CPCA"]
+    for name, text in (
+        ("squared_error", "squared error"),
+        ("overdraw", "overdraw"),
+        ("overdraw_super_clusters", f"overdraw at {settings['registers']} registers"),
+    ):
+        if name in best:
+            print(f"{text}: {best[name]:.4g} ({columns[0]}), {best['original'][name]:.4g} ({columns[1]})")
+    print(f"{best['method']}: {best['seconds']:.1f} s, CPU {best['cpu_seconds']:.1f} s")
+
+
 def _signal_of(row: dict) -> tuple:
     return tuple(row[name] for name in ("scene", "brdf", "channels", "clusters", "components"))
 

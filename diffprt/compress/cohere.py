@@ -8,15 +8,16 @@ import torch
 
 from diffprt.compress.corners import Corners
 from diffprt.compress.lbg import fill_empty
-from diffprt.compress.overdraw import overdraw
+from diffprt.compress.near import NearErrors, near_clusters
+from diffprt.compress.overdraw import draws, overdraw
 from diffprt.compress.patches import sweep_patches
 from diffprt.compress.subspaces import Subspaces, fit_subspaces
 from diffprt.compress.superclusters import super_clusters
 from diffprt.compress.sweep import sweep
 
-_PRICES = [0.2 * 1.7**stage for stage in range(11)]
+_PRICES = [0.2 * 1.7**stage for stage in range(15)]
 _ROUNDS = 3
-_HOPELESS = 2.0
+_HOPELESS, _RISING = 2.0, 1.01
 
 
 @dataclass(frozen=True)
@@ -83,18 +84,21 @@ def cohere(
         if per_pass is not None:
             groups = _regroup(labels, faces, per_pass, clusters, groups)
         prices = [(now * unit, alone)] if groups is None else [(now * unit / 2, alone), (now * unit, groups)]
+        near = near_clusters(subspaces, vectors, labels, corners)
+        moving = None  # later rounds of a stage leave alone whom no boundary is near
         for _ in range(_ROUNDS):
-            held = subspaces
-            labels = sweep(lambda rows, held=held: held.residuals(vectors[rows]), labels, corners, clusters, prices)
+            errors = NearErrors.of(subspaces, vectors, labels, near, moving)
+            labels = sweep(errors.of_all, labels, corners, clusters, prices, moving)
             subspaces = fit(labels)
-        labels = sweep_patches(vectors, labels, simplices, subspaces, prices)
+            moving = faces[draws(labels, faces) > 1].unique()
+        labels = sweep_patches(subspaces, vectors, labels, near, simplices, prices)
         subspaces = fit(labels)
         error = float(subspaces.own(vectors, labels).double().mean())
         least = min(least, error)
         stages.append((now, error, overdraw(labels, faces)))
         if price is not None or (error <= limit and error <= (1 + slack) * least):
             best = CoherentPartition(labels, error, now, stages)
-        elif error > (1 + _HOPELESS * slack) * least:
+        elif error > (1 + _HOPELESS * slack) * least or (best.price == 0.0 and error > _RISING * least):
             break  # nearer than that, a later stage may well fall below the bound again
     return best
 

@@ -7,10 +7,11 @@ import torch
 from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
 
-from diffprt.compress.lbg import fill_empty, lbg
-from diffprt.compress.partition import Partition, canonical, member_means
+from diffprt.compress.lbg import fill_empty, start_centers
+from diffprt.compress.partition import Partition, canonical, member_means, nearest
 from diffprt.errors import InputError
 
+PLACES = ("nearest", "mean")
 _ROWS = 4096
 
 
@@ -22,19 +23,15 @@ def unit_box(positions: torch.Tensor) -> torch.Tensor:
 
 
 def nearest_member(positions: torch.Tensor, labels: torch.Tensor, cluster: int, queries: torch.Tensor) -> torch.Tensor:
-    """Equation 10: distance [Q] from receivers int64 [Q] to the nearest other member of a cluster, by a tree.
+    """Equation 10: distance [Q] from receivers int64 [Q] to the nearest member of a cluster, by a tree.
 
-    A receiver is not near to itself: with the distance 0 to its own place every labeling by means would be kept. The
-    only member of a cluster is at distance 0 from it.
+    A member is at distance 0 from its own cluster, as the equation has it, and a cluster without members infinitely
+    far.
     """
     members = (labels == cluster).nonzero().flatten()
-    points, tree = positions[queries].numpy(), cKDTree(positions[members].numpy())
-    inside = (labels[queries] == cluster).numpy()
-    distance = np.zeros(len(queries))
-    distance[~inside] = tree.query(points[~inside])[0]
-    if len(members) > 1:
-        distance[inside] = tree.query(points[inside], k=2)[0].reshape(-1, 2)[:, 1]
-    return torch.from_numpy(distance)
+    if len(members) == 0:
+        return torch.full((len(queries),), torch.inf, dtype=positions.dtype)
+    return torch.from_numpy(cKDTree(positions[members].numpy()).query(positions[queries].numpy())[0])
 
 
 def lbg_coherent(
@@ -43,40 +40,50 @@ def lbg_coherent(
     clusters: int,
     *,
     alpha: float = 0.05,
+    place: str = "nearest",
     start: str = "k-means++",
     seed: int = 0,
     iterations: int = 50,
     tolerance: float = 1e-4,
 ) -> Partition:
-    """LBG with |V - mean| + alpha times the distance to the nearest member (thesis 2005, equations 9 and 10).
+    """LBG with |V - mean| + alpha times the distance to the cluster in space (thesis 2005, equations 9 and 10).
 
-    Starts from LBG without the term, since members are needed to be near to.
+    The first round goes by the means alone, for nobody is a member yet. What follows depends on the reading:
+    "nearest" is equation 10, the distance to the nearest member, which is 0 in a receiver's own cluster. It holds
+    receivers back in what the first round gave them. "mean" is the distance to the mean position of the members, as
+    the text around the equation may be read ("the Gaussian distances of positions", as of vectors): clusters become
+    compact in space, which is what the thesis's tables show.
 
     Args:
         vectors: float [V, D].
         positions: float [V, 3], in any unit: scaled into the unit box.
         clusters: at most this many.
-        alpha: weight of geometry, at least 0; the thesis's tables have 0.05.
+        alpha: weight of geometry, at least 0. The thesis's tables have 0.05, in units of its meshes and signals,
+            which it does not state.
+        place: one of `PLACES`.
         start, seed, iterations, tolerance: as in `lbg`; the tolerance is of the sum of what is minimized.
 
     Raises:
-        InputError: alpha is negative, or as `lbg`.
+        InputError: alpha is negative, `place` is unknown, or as `lbg`.
     """
     if not alpha >= 0:
         raise InputError(f"alpha is {alpha}: give 0 or more, such as 0.05")
-    begun = lbg(vectors, clusters, start=start, seed=seed, iterations=iterations, tolerance=tolerance)
-    labels, centers, count = begun.labels, begun.centers, len(begun.centers)
-    points, before, done = unit_box(positions), float("inf"), begun.iterations
-    for _ in range(iterations):
+    if place not in PLACES:
+        raise InputError(f"place '{place}' is unknown: use one of {', '.join(PLACES)}")
+    assign = _assign if place == "nearest" else _assign_by_mean
+    centers = start_centers(vectors, clusters, start, seed)
+    count, points = len(centers), unit_box(positions)
+    labels = nearest(vectors, centers)[0]
+    before, done = float("inf"), 0
+    while done < iterations:
         done += 1
-        labels, total = _assign(vectors, points, labels, centers, alpha)
         labels = fill_empty(vectors, labels, count)
-        centers = member_means(vectors, labels, count)
+        labels, total = assign(vectors, points, labels, member_means(vectors, labels, count), alpha)
         if total == 0.0 or before - total <= tolerance * before < float("inf"):
             break
         before = total
     labels, names = canonical(labels)
-    centers = centers[names]
+    centers = member_means(vectors, labels, len(names))
     energy = (vectors - centers[labels]).square().sum(1).double().sum()
     return Partition(labels, centers, float(energy), done)
 
@@ -89,27 +96,35 @@ def _assign(
     Exact without asking every cluster about every receiver: geometry only adds, so a cluster whose mean alone is
     farther than what the receiver has already cannot win.
     """
-    norms = centers.square().sum(1)
-    distance = torch.cat(
-        [
-            (rows.square().sum(1, keepdim=True) + norms - 2 * rows @ centers.T).clamp_min(0).sqrt()
-            for rows in vectors.split(_ROWS)
-        ]
-    )
+    distance = _distances(vectors, centers)
     best = distance.gather(1, labels[:, None])[:, 0].double()
-    for cluster in range(len(centers)):
-        own = (labels == cluster).nonzero().flatten()
-        if len(own):
-            best[own] += alpha * nearest_member(points, labels, cluster, own)
     chosen = labels.clone()
     for cluster in range(len(centers)):
         rivals = ((distance[:, cluster] < best) & (labels != cluster)).nonzero().flatten()
-        if len(rivals) == 0 or not bool((labels == cluster).any()):
-            continue
-        energy = distance[rivals, cluster] + alpha * nearest_member(points, labels, cluster, rivals)
-        wins = energy < best[rivals]
-        best[rivals[wins]], chosen[rivals[wins]] = energy[wins], cluster
+        if len(rivals):
+            energy = distance[rivals, cluster] + alpha * nearest_member(points, labels, cluster, rivals)
+            wins = energy < best[rivals]
+            best[rivals[wins]], chosen[rivals[wins]] = energy[wins], cluster
     return chosen, float(best.sum())
+
+
+def _assign_by_mean(
+    vectors: torch.Tensor, points: torch.Tensor, labels: torch.Tensor, centers: torch.Tensor, alpha: float
+) -> tuple[torch.Tensor, float]:
+    """The same with the distance to the mean position of the members."""
+    places = member_means(points, labels, len(centers)).to(vectors.dtype)
+    energy = _distances(vectors, centers).add_(torch.cdist(points.to(vectors.dtype), places), alpha=alpha)
+    best, chosen = energy.min(1)
+    return chosen, float(best.sum(dtype=torch.float64))
+
+
+def _distances(vectors: torch.Tensor, centers: torch.Tensor) -> torch.Tensor:
+    norms = centers.square().sum(1)
+    blocks = [
+        (rows.square().sum(1, keepdim=True) + norms - 2 * rows @ centers.T).clamp_min(0).sqrt()
+        for rows in vectors.split(_ROWS)
+    ]
+    return torch.cat(blocks)
 
 
 def smooth_nearest_member(

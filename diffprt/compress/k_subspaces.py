@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import torch
 
+from diffprt.compress.near import NearErrors, near_clusters
 from diffprt.compress.subspaces import Subspaces, fit_subspaces
 
 
@@ -54,7 +55,8 @@ def k_subspaces(
         done += 1
         subspaces = fit_subspaces(vectors, labels, clusters, components, bases=bases)
         bases = subspaces.bases
-        labels, errors = subspaces.nearest(vectors)
+        near = near_clusters(subspaces, vectors, labels)
+        labels, errors = NearErrors.of(subspaces, vectors, labels, near).nearest()
         error = float(errors.double().mean())
         if before - error <= tolerance * before < float("inf") or error == 0.0:
             break

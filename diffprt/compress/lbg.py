@@ -31,10 +31,7 @@ def lbg(
     Raises:
         InputError: `start` is unknown.
     """
-    if start not in STARTS:
-        raise InputError(f"start '{start}' is unknown: use one of {', '.join(STARTS)}")
-    generator = torch.Generator().manual_seed(seed)
-    centers = (plus_plus if start == "k-means++" else hyper_box)(vectors, clusters, generator)
+    centers = start_centers(vectors, clusters, start, seed)
     before, done = float("inf"), 0
     for _ in range(iterations):
         done += 1
@@ -48,6 +45,14 @@ def lbg(
     labels, squared = nearest(vectors, centers)
     labels, names = canonical(labels)
     return Partition(labels, centers[names], float(squared.sum(dtype=torch.float64)), done)
+
+
+def start_centers(vectors: torch.Tensor, clusters: int, start: str, seed: int) -> torch.Tensor:
+    """The first centers [M, D]; raises InputError where `start` is unknown."""
+    if start not in STARTS:
+        raise InputError(f"start '{start}' is unknown: use one of {', '.join(STARTS)}")
+    generator = torch.Generator().manual_seed(seed)
+    return (plus_plus if start == "k-means++" else hyper_box)(vectors, clusters, generator)
 
 
 def fill_empty(vectors: torch.Tensor, labels: torch.Tensor, clusters: int) -> torch.Tensor:

@@ -7,13 +7,13 @@ from dataclasses import dataclass, field
 
 import torch
 
-from diffprt.compress.anneal import anneal
-from diffprt.compress.cohere import cohere
 from diffprt.compress.corners import Corners
 from diffprt.compress.geometry import lbg_coherent
 from diffprt.compress.k_subspaces import k_subspaces
 from diffprt.compress.lbg import lbg
+from diffprt.compress.on_mesh import cluster_on_mesh
 from diffprt.compress.partition import Partition, canonical
+from diffprt.compress.placed import placed
 from diffprt.compress.reclassify import reclassify
 from diffprt.compress.span import principal_span
 from diffprt.compress.subspaces import fit_subspaces
@@ -24,15 +24,14 @@ METHODS = {
     "lbg-reclassified": "then receivers join a neighbor's cluster where the error permits (Sloan et al. 2003)",
     "lbg-coherent": "the same with geometry coherence (thesis 2005, equation 9)",
     "lbg-coherent-reclassified": "both",
+    "lbg-coherent-mean": "geometry coherence towards the mean position of a cluster, another reading of the thesis",
     "k-subspaces": "clusters around what their components span",
     "k-subspaces-soft": "the same, annealed from soft to hard with a price on expected overdraw",
     "k-subspaces-potts": "the same with a price on mesh edges between clusters",
     "k-subspaces-overdraw": "the same with a price on overdraw itself (thesis 2005, equation 8)",
 }
 _ON_MESH = {name for name in METHODS if name.endswith(("-reclassified", "-soft", "-potts", "-overdraw"))}
-_ALPHA, _SOFT_PRICE = 0.05, 0.5
-_BELOW_LBG = 0.95
-_ROUNDS_BEFORE_MESH = 8
+_ALPHA = 0.05
 _REMAINDER = 1e-3
 
 
@@ -80,12 +79,12 @@ def cluster(
         method: one of `METHODS`.
         clusters: M, at most.
         components: P that will be kept per cluster.
-        positions: float [V, 3], for geometry coherence.
+        positions: float [V, 3], for geometry coherence, and for better starts of "k-subspaces" and its kin.
         faces: int64 [F, 3], for methods that look at overdraw.
-        coherence: how much overdraw counts: alpha of equation 9 (thesis: 0.05, the default) for "lbg-coherent"; for
-            "lbg-reclassified" the growth of a receiver's error that is permitted, in mean squared errors (0.5); for
-            "-soft" (0.5), "-potts" and "-overdraw" the price of a triangle drawn again, in mean squared errors; for
-            the last two by default the highest with an error near the least one and below that of "lbg".
+        coherence: how much overdraw counts: alpha of equation 9 (thesis: 0.05, the default) for "lbg-coherent" and
+            its kin; for "lbg-reclassified" the growth of a receiver's error that is permitted, in mean squared errors
+            (0.5); for "-soft" (0.5), "-potts" and "-overdraw" the price of a triangle drawn again, in mean squared
+            errors; for the last two by default the highest with an error near the least one and below that of "lbg".
         slack: how near, as a share.
         per_pass: as in `cohere`.
         start, seed, iterations: as in `lbg`.
@@ -108,7 +107,8 @@ def cluster(
     found: Partition
     if "coherent" in method:
         coherence = _ALPHA if coherence is None else coherence
-        found = lbg_coherent(span.coordinates, positions, clusters, alpha=coherence, **options)
+        place = "mean" if method.endswith("-mean") else "nearest"
+        found = lbg_coherent(span.coordinates, positions, clusters, alpha=coherence, place=place, **options)
     else:
         found = lbg(span.coordinates, clusters, **options)
     started = time.perf_counter()
@@ -120,30 +120,26 @@ def cluster(
         permitted = {} if coherence is None or "coherent" in method else {"tolerance": coherence}
         labels = reclassify(span.coordinates, labels, subspaces, corners, **permitted)
         timings["reclassification"] = time.perf_counter() - started
-    if method.startswith("k-subspaces"):
-        first_rounds = min(iterations, _ROUNDS_BEFORE_MESH) if method in _ON_MESH else iterations
-        first = k_subspaces(span.coordinates, labels, components, iterations=first_rounds)
-        labels, rounds = first.labels, rounds + first.iterations
+    starts = [labels]
+    if method.startswith("k-subspaces") and positions is not None:
+        starts.insert(0, lbg(placed(span.coordinates, positions), len(found.centers), **options).labels)
+    if method == "k-subspaces":
+        tried = [k_subspaces(span.coordinates, begin, components, iterations=iterations) for begin in starts]
+        best = min(tried, key=lambda partition: partition.error)
+        labels, rounds = best.labels, rounds + best.iterations
         timings["subspaces"] = time.perf_counter() - started
-        started = time.perf_counter()
-        if method.endswith("-soft"):
-            coherence = _SOFT_PRICE if coherence is None else coherence
-            labels = anneal(span.coordinates, labels, faces, first.subspaces, price=coherence)
-            timings["annealing"] = time.perf_counter() - started
-        elif method in _ON_MESH:
-            fitted = fit_subspaces(span.coordinates, found.labels, len(found.centers), components)
-            error = float(fitted.own(span.coordinates, found.labels).double().mean())
-            coherent = cohere(
-                span.coordinates,
-                labels,
-                faces,
-                first.subspaces,
-                price=coherence,
-                limit=_BELOW_LBG * error,
-                slack=slack,
-                per_pass=per_pass,
-                edges=method.endswith("-potts"),
-            )
-            labels, coherence = coherent.labels, coherent.price
-            timings["coherence"] = time.perf_counter() - started
+    elif method.startswith("k-subspaces"):
+        on_mesh = cluster_on_mesh(
+            span.coordinates,
+            starts,
+            faces,
+            components,
+            kind=method.removeprefix("k-subspaces-"),
+            price=coherence,
+            slack=slack,
+            per_pass=per_pass,
+            iterations=iterations,
+        )
+        labels, coherence, rounds = on_mesh.labels, on_mesh.price, rounds + on_mesh.iterations
+        timings["coherence"] = time.perf_counter() - started
     return Clustering(canonical(labels)[0], rounds, coherence, timings)

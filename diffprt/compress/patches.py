@@ -8,6 +8,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from diffprt.compress.corners import Corners
+from diffprt.compress.near import NearErrors
 from diffprt.compress.partition import member_sums
 from diffprt.compress.subspaces import Subspaces
 from diffprt.compress.sweep import sweep
@@ -22,32 +23,46 @@ def patches(labels: torch.Tensor, faces: torch.Tensor) -> torch.Tensor:
     return torch.from_numpy(connected_components(graph, directed=False)[1].astype(np.int64))
 
 
+def islands(patch: torch.Tensor, labels: torch.Tensor) -> torch.Tensor:
+    """The patches int64 [I] that are not the largest of their label; of receivers' patch and label int64 [V]."""
+    sizes = torch.bincount(patch)
+    of_patch = torch.empty_like(sizes)
+    of_patch[patch] = labels
+    order = torch.from_numpy(np.lexsort((-sizes.numpy(), of_patch.numpy())))
+    later = torch.zeros(len(sizes), dtype=torch.bool)
+    later[order[1:]] = of_patch[order[1:]] == of_patch[order[:-1]]
+    return later.nonzero().flatten()
+
+
 def sweep_patches(
+    subspaces: Subspaces,
     vectors: torch.Tensor,
     labels: torch.Tensor,
+    near: torch.Tensor,
     faces: torch.Tensor,
-    subspaces: Subspaces,
     prices: list[tuple[float, torch.Tensor]],
 ) -> torch.Tensor:
-    """`sweep` over whole patches: an island joins what surrounds it if that costs less than its shore.
+    """`sweep` over islands: each joins what surrounds it if that costs less than its shore.
 
     Args:
+        subspaces: of the clusters.
         vectors: float [V, D].
         labels: int64 [V].
+        near: int64 [M, N], as `near_clusters`.
         faces: int64 [F, 3].
-        subspaces: of the clusters.
         prices: as for `sweep`.
 
     Returns:
         labels int64 [V]; the total never rises.
     """
     patch = patches(labels, faces)
-    count, clusters = int(patch.max()) + 1, len(subspaces.means)
-    cost = torch.zeros(count, clusters, dtype=vectors.dtype)
-    for rows, residual in subspaces.blocks(vectors):
-        here, index = patch[rows].unique(return_inverse=True)
-        cost[here] += member_sums(residual, index, len(here))
+    count = int(patch.max()) + 1
     of_patch = torch.empty(count, dtype=torch.int64)
     of_patch[patch] = labels
+    moving = islands(patch, labels)
+    members = torch.isin(patch, moving).nonzero().flatten()
+    errors = NearErrors.of(subspaces, vectors, labels, near, members).errors
+    summed = member_sums(errors[members], patch[members], count)
     corners = Corners.of(patch[faces], count)
-    return sweep(lambda units: cost[units], of_patch, corners, clusters, prices)[patch]
+    whole = NearErrors(of_patch, near, summed)
+    return sweep(whole.of_all, of_patch, corners, len(near), prices, moving)[patch]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import torch
 
 from diffprt.compress.corners import Corners
+from diffprt.compress.near import NearErrors, near_clusters
 from diffprt.compress.subspaces import Subspaces
 from diffprt.compress.sweep import sweep
 
@@ -36,15 +37,17 @@ def reclassify(
         labels int64 [V]. No gradients.
     """
     clusters = len(subspaces.means)
+    near = NearErrors.of(subspaces, vectors, labels, near_clusters(subspaces, vectors, labels, corners))
+    first = labels
     own = subspaces.own(vectors, labels)
     limit = own + tolerance * own.mean()
     # Errors within the limit count as next to nothing, so that overdraw decides and the error only breaks ties.
     small = 1e-3 / float(limit.max().clamp_min(torch.finfo(vectors.dtype).tiny))
 
     def cost(units: torch.Tensor) -> torch.Tensor:
-        residual = subspaces.residuals(vectors[units])
+        residual = near.of_all(units)
         permitted = residual <= limit[units][:, None]
-        permitted.scatter_(1, labels[units][:, None], True)
+        permitted.scatter_(1, first[units][:, None], True)
         return torch.where(permitted, small * residual, torch.inf)
 
     prices = [(1.0, torch.arange(clusters))]

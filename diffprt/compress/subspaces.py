@@ -51,14 +51,6 @@ class Subspaces:
             errors[members] = away.square().sum(1) - (away @ self.bases[cluster].T).square().sum(1)
         return errors.clamp_min(0)
 
-    def nearest(self, vectors: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        """Index [V] of the subspace that reconstructs each vector best, and the squared error [V]."""
-        labels = torch.empty(len(vectors), dtype=torch.int64)
-        errors = vectors.new_empty(len(vectors))
-        for rows, residual in self.blocks(vectors):
-            errors[rows], labels[rows] = residual.min(1)
-        return labels, errors
-
 
 def fit_subspaces(
     vectors: torch.Tensor,

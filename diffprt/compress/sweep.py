@@ -17,6 +17,7 @@ def sweep(
     corners: Corners,
     clusters: int,
     prices: list[tuple[float, torch.Tensor]],
+    units: torch.Tensor | None = None,
 ) -> torch.Tensor:
     """Gives every unit the label of least cost + price times overdraw, given those of its neighbors.
 
@@ -24,42 +25,53 @@ def sweep(
     unit pays for each of its triangles in which neither other corner has its label. No sweep raises the total.
 
     Args:
-        cost: squared errors [U', M] of the units int64 [U'] that it is given, for every label.
+        cost: squared errors [U', M] of the units int64 [U'] that it is given, for every label; its
+            result is written to.
         labels: int64 [U], changed by none; the new ones are returned.
         corners: of the mesh of units.
         clusters: M.
         prices: pairs of a price per extra drawn triangle, and the group int64 [M] that each label is drawn
             with: `arange(M)` for clusters, the super-cluster of each for super-clusters.
+        units: int64 [U'], those that may change; all without.
     """
     labels = labels.clone()
-    order = corners.color_of_unit.argsort(stable=True)
-    corner_color = corners.color_of_unit[corners.unit]
-    corner_order = corner_color.argsort(stable=True)
-    units_of = order.split(torch.bincount(corners.color_of_unit, minlength=corners.colors).tolist())
-    corners_of = corner_order.split(torch.bincount(corner_color, minlength=corners.colors).tolist())
-    row_of = torch.empty_like(labels)
+    row_of = torch.full_like(labels, -1)
+    units = torch.arange(len(labels)) if units is None else units
+    row_of[units] = 0
+    asking = (row_of[corners.unit] == 0).nonzero().flatten()
+    units_of = _by_color(units, corners.color_of_unit[units], corners.colors)
+    corners_of = _by_color(asking, corners.color_of_unit[corners.unit[asking]], corners.colors)
     step = max(1, _CELLS // clusters)
     for color_units, color_corners in zip(units_of, corners_of, strict=True):
         row_of[color_units] = torch.arange(len(color_units))
         rows = row_of[corners.unit[color_corners]]
         first, second = labels[corners.first[color_corners]], labels[corners.second[color_corners]]
         for low in range(0, len(color_units), step):
-            units = color_units[low : low + step]
-            total = cost(units)
+            chosen = color_units[low : low + step]
+            total = cost(chosen)
             here = ((rows >= low) & (rows < low + step)).nonzero().flatten()
             row, one, two = rows[here] - low, first[here], second[here]
             for price, group in prices:
-                total = total - price * _saved(row, group[one], group[two], len(units), group)
-            labels[units] = total.argmin(1)
+                _spare(total, price, row, group[one], group[two], group)
+            labels[chosen] = total.argmin(1)
     return labels
 
 
-def _saved(
-    row: torch.Tensor, first: torch.Tensor, second: torch.Tensor, rows: int, group: torch.Tensor
-) -> torch.Tensor:
-    """How many draws [rows, M] each label spares each unit: triangles in which another corner is of its group."""
-    groups = int(group.max()) + 1
-    second_counts = second != first
-    index = torch.cat([row * groups + first, (row * groups + second)[second_counts]])
-    spared = torch.bincount(index, minlength=rows * groups).view(rows, groups).float()
-    return spared if groups == len(group) and bool((group[1:] > group[:-1]).all()) else spared[:, group]
+def _by_color(items: torch.Tensor, colors: torch.Tensor, count: int) -> tuple[torch.Tensor, ...]:
+    return items[colors.argsort(stable=True)].split(torch.bincount(colors, minlength=count).tolist())
+
+
+def _spare(
+    total: torch.Tensor, price: float, row: torch.Tensor, first: torch.Tensor, second: torch.Tensor, group: torch.Tensor
+) -> None:
+    """Takes off `total` [rows, M] what each label spares each unit: triangles with another corner of its group."""
+    clusters, groups = len(group), int(group.max()) + 1
+    apart = second != first
+    row, found = torch.cat([row, row[apart]]), torch.cat([first, second[apart]])
+    saved = total.new_full((1,), -price).expand(len(row))
+    if groups == clusters and bool((group[1:] > group[:-1]).all()):
+        total.view(-1).scatter_add_(0, row * clusters + found, saved)
+        return
+    spared = total.new_zeros(len(total), groups)
+    spared.view(-1).scatter_add_(0, row * groups + found, saved)
+    total += spared[:, group]

@@ -71,7 +71,7 @@ def display_study(
         "uncompressed": (transfer, None, "single"),
     }
     times: dict[str, dict[str, list[float]]] = {name: {"still": [], "turning": []} for name in ways}
-    with _browser(browser) as running, _pages(running, ways, size) as pages:
+    with running_browser(browser) as running, _pages(running, ways, size) as pages:
         facts = {name: page.evaluate("window.diffprt.info") for name, page in pages.items()}
         for round_ in range(-1, rounds):  # the first one warms up
             say(f"round {round_ + 1} of {rounds}")
@@ -129,8 +129,12 @@ def _light_products(asset: Transfer | ClusteredTransfer) -> int:
 
 
 @contextmanager
-def _browser(running: Any = None) -> Iterator[Any]:
-    """`running`, or a new one."""
+def running_browser(running: Any = None) -> Iterator[Any]:
+    """`running`, or a new one.
+
+    Raises:
+        InputError: there is no Chromium, or playwright is not installed.
+    """
     if running is not None:
         yield running
         return

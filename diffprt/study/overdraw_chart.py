@@ -9,10 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from diffprt.study.overdraw_methods import ORIGINAL, PEER, is_ours
+from diffprt.study.overdraw_methods import ORIGINAL, PATCHES, PEER, is_ours
 from diffprt.study.overdraw_summary import overdraw_at
 
-# The thesis's methods in warm colors, ours in cold ones, the peer in gray.
+# The thesis's methods in warm colors, ours in cold ones, peers in gray.
 _WARM = ("#b5531f", "#d98c3f", "#c03a5b", "#8a6d1c")
 _COLD = ("#1f66b5", "#2f8f57", "#6a4fb0", "#1f9fb5", "#103a66", "#5a8f2f")
 _MARKERS = "osD^vP*X<>"
@@ -89,13 +89,12 @@ def _panel(axis: Axes, rows: list[dict], original: dict, budget: str, styles: di
 def _styles(rows: list[dict]) -> dict[str, dict]:
     """Color, mark and label of every method."""
     methods = sorted({row["method"] for row in rows})
-    thesis = [m for m in methods if not is_ours(m) and m != PEER]
+    thesis = [m for m in methods if not is_ours(m) and m not in (PEER, PATCHES)]
     ours = [m for m in methods if is_ours(m)]
     colors = {m: _WARM[i % len(_WARM)] for i, m in enumerate(thesis)} | {
         m: _COLD[i % len(_COLD)] for i, m in enumerate(ours)
     }
-    if PEER in methods:
-        colors[PEER] = "0.45"
+    colors |= {m: gray for m, gray in ((PEER, "0.45"), (PATCHES, "0.65")) if m in methods}
     return {
         method: {"color": color, "marker": _MARKERS[i % len(_MARKERS)], "label": method}
         for i, (method, color) in enumerate(colors.items())

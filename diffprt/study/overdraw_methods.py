@@ -8,8 +8,9 @@ from importlib import import_module
 
 import torch
 
-from diffprt.compress import METHODS, clusters_per_pass, encode
+from diffprt.compress import METHODS, clusters_per_pass, encode, lbg
 from diffprt.compress.encode import Encoded
+from diffprt.compress.geometry import unit_box
 from diffprt.compress.partition import member_means
 from diffprt.compress.pca import cluster_pca
 from diffprt.errors import InputError
@@ -19,6 +20,8 @@ ORIGINAL = "lbg"
 # What the thesis has, without super-clusters, which every row is measured with and without.
 THESIS = (ORIGINAL, "lbg-reclassified", "lbg-coherent", "lbg-coherent-reclassified")
 PEER, _PEER_ROUNDS = "faiss", 20
+# k-means of positions, blind to the signal: what the least overdraw would cost.
+PATCHES = "position-only"
 _OURS, _FOR_PASSES = "k-subspaces", ("k-subspaces-overdraw", "k-subspaces-potts")
 DEFAULT = (
     ORIGINAL,
@@ -38,39 +41,41 @@ class Method:
     """A way to cluster.
 
     Attributes:
-        name: one of `METHODS`, or "faiss".
+        name: one of `METHODS`, "faiss" or "position-only".
         coherence: as in `compress`; its default without.
         registers: float4 registers of the display that clusters are formed for; None for no particular one.
         seed: of the start.
+        slack: as in `compress`; its default without.
     """
 
     name: str
     coherence: float | None = None
     registers: int | None = None
     seed: int = 0
+    slack: float | None = None
 
     @staticmethod
     def parse(text: str, seed: int = 0) -> Method:
-        """Reads NAME[=COHERENCE][@REGISTERS]; raises InputError where it is not of this form."""
+        """Reads NAME[=COHERENCE][~SLACK][@REGISTERS]; raises InputError where it is not of this form."""
         rest, at, registers = text.partition("@")
+        rest, tilde, slack = rest.partition("~")
         name, equals, coherence = rest.partition("=")
-        if name != PEER and name not in METHODS:
-            raise InputError(f"method '{name}' is unknown: use one of {', '.join([*METHODS, PEER])}")
+        if name not in (PEER, PATCHES, *METHODS):
+            raise InputError(f"method '{name}' is unknown: use one of {', '.join([*METHODS, PEER, PATCHES])}")
         if at and not (registers.isdecimal() and int(registers) > 0):
             raise InputError(f"method '{text}' has registers '{registers}': give a count, such as {name}@256")
         if at and name not in _FOR_PASSES:
             raise InputError(f"method '{name}' knows no registers: use {_FOR_PASSES[0]}@{registers}")
-        try:
-            weight = float(coherence) if equals else None
-        except ValueError:
-            raise InputError(
-                f"method '{text}' has coherence '{coherence}': give a number, such as {name}=0.5"
-            ) from None
-        return Method(name, weight, int(registers) if at else None, seed)
+        if tilde and name not in _FOR_PASSES:
+            raise InputError(f"method '{name}' knows no slack: use {_FOR_PASSES[0]}~{slack}")
+        weight = _number(text, "coherence", coherence, f"{name}=0.5") if equals else None
+        above = _number(text, "slack", slack, f"{name}~0.2") if tilde else None
+        return Method(name, weight, int(registers) if at else None, seed, above)
 
     def __str__(self) -> str:
         weight = "" if self.coherence is None else f"={self.coherence:g}"
-        return f"{self.name}{weight}" + ("" if self.registers is None else f"@{self.registers}")
+        slack = "" if self.slack is None else f"~{self.slack:g}"
+        return f"{self.name}{weight}{slack}" + ("" if self.registers is None else f"@{self.registers}")
 
     def as_list(self) -> list:
         """What it depends on, as plain values."""
@@ -80,6 +85,8 @@ class Method:
         """What it finds, and the CPU time [s] that all of it took."""
         if self.name == PEER:
             return _faiss(signal.vectors, clusters, components, self.seed)
+        if self.name == PATCHES:
+            return _patches(signal, clusters, components, self.seed)
         per_pass = None
         if self.registers is not None:
             per_pass = clusters_per_pass(self.registers, components, channels=signal.channels, outputs=signal.outputs)
@@ -94,8 +101,16 @@ class Method:
             coherence=self.coherence,
             per_pass=per_pass,
             seed=self.seed,
+            **({} if self.slack is None else {"slack": self.slack}),
         )
         return found, time.process_time() - begun
+
+
+def _number(text: str, what: str, value: str, example: str) -> float:
+    try:
+        return float(value)
+    except ValueError:
+        raise InputError(f"method '{text}' has {what} '{value}': give a number, such as {example}") from None
 
 
 def is_ours(method: str) -> bool:
@@ -114,22 +129,32 @@ def has_peer() -> bool:
 
 def _faiss(vectors: torch.Tensor, clusters: int, components: int, seed: int) -> tuple[Encoded, float]:
     """k-means of faiss on all rows, and components afterwards."""
-    faiss = import_module("faiss")
-    rows = vectors.float().contiguous().numpy()
+    vectors = vectors.float().contiguous()
     begun = time.process_time()
-    options = {
-        "niter": _PEER_ROUNDS,
-        "seed": seed,
-        "max_points_per_centroid": len(rows),
-        "min_points_per_centroid": 1,
-    }
-    peer = faiss.Kmeans(rows.shape[1], min(clusters, len(rows)), **options)
-    peer.train(rows)
-    labels = torch.from_numpy(peer.index.search(rows, 1)[1][:, 0])
+    labels = faiss_labels(vectors, clusters, seed=seed, iterations=_PEER_ROUNDS)
     labels = labels.unique(return_inverse=True)[1]
     means, bases, weights = cluster_pca(vectors, labels, int(labels.max()) + 1, components)
     spent = time.process_time() - begun
     return Encoded(labels, means, bases, weights, PEER, counts={"iterations": _PEER_ROUNDS}), spent
+
+
+def _patches(signal: Signal, clusters: int, components: int, seed: int) -> tuple[Encoded, float]:
+    """k-means of positions, and components of the signal afterwards."""
+    begun = time.process_time()
+    found = lbg(unit_box(signal.receivers.positions), clusters, seed=seed)
+    means, bases, weights = cluster_pca(signal.vectors, found.labels, len(found.centers), components)
+    spent = time.process_time() - begun
+    return Encoded(found.labels, means, bases, weights, PATCHES, counts={"iterations": found.iterations}), spent
+
+
+def faiss_labels(vectors: torch.Tensor, clusters: int, *, seed: int, iterations: int) -> torch.Tensor:
+    """Labels int64 [V] of k-means of faiss on all rows float32 [V, D]; clusters may be empty."""
+    faiss = import_module("faiss")
+    rows = vectors.numpy()
+    options = {"niter": iterations, "seed": seed, "max_points_per_centroid": len(rows), "min_points_per_centroid": 1}
+    peer = faiss.Kmeans(rows.shape[1], min(clusters, len(rows)), **options)
+    peer.train(rows)
+    return torch.from_numpy(peer.index.search(rows, 1)[1][:, 0])
 
 
 def cluster_energy(vectors: torch.Tensor, labels: torch.Tensor) -> float:

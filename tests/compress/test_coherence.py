@@ -18,9 +18,11 @@ from diffprt.compress import (
 from diffprt.compress.anneal import anneal, spared_draws
 from diffprt.compress.cohere import _edges, cohere
 from diffprt.compress.corners import Corners
-from diffprt.compress.geometry import _assign, nearest_member, unit_box
+from diffprt.compress.geometry import PLACES, _assign, nearest_member, unit_box
+from diffprt.compress.near import near_clusters
 from diffprt.compress.partition import canonical
-from diffprt.compress.patches import patches, sweep_patches
+from diffprt.compress.patches import islands, patches, sweep_patches
+from diffprt.compress.placed import placed
 from diffprt.compress.reclassify import reclassify
 from diffprt.compress.subspaces import Subspaces, fit_subspaces
 from diffprt.compress.sweep import sweep
@@ -131,19 +133,40 @@ def test_patches_are_connected_labels():
     assert patch[1] == patch[4] == patch[11] != patch[0]
 
 
+def test_islands_are_all_but_the_largest_patch_of_a_label():
+    """Of equals, one is not an island; the main patch of every label stays where it is."""
+    labels = torch.tensor([0, 0, 1, 1, 0, 2, 0, 2])
+    patch = torch.tensor([0, 0, 1, 1, 2, 3, 4, 5])
+    assert islands(patch, labels).tolist() == [2, 4, 5]
+
+
+def test_only_the_units_that_may_move_do(generator):
+    _, faces = grid(12)
+    cost = torch.rand(144, 5, generator=generator)
+    labels = torch.randint(0, 5, (144,), generator=generator)
+    corners, prices, units = Corners.of(faces, 144), [(0.2, torch.arange(5))], torch.arange(0, 144, 3)
+    swept = sweep(lambda asked: cost[asked], labels, corners, 5, prices, units)
+    moved = (swept != labels).nonzero().flatten()
+    assert len(moved) and bool(torch.isin(moved, units).all())
+    assert total(cost, swept, faces, 0.2) < total(cost, labels, faces, 0.2)
+
+
 def test_an_island_joins_what_surrounds_it():
-    """Four receivers of another label, none of whom gains by moving alone."""
+    """Four receivers of another label, none of whom gains by moving alone; the label's main patch is elsewhere."""
     _, faces = grid(8)
     labels = torch.zeros(64, dtype=torch.int64)
-    island = [27, 28, 35, 36]
-    labels[island] = 1
+    island, main = [27, 28, 35, 36], list(range(56, 64))
+    labels[island + main] = 1
     vectors = torch.zeros(64, 1)
     vectors[island] = 1.0
+    vectors[main] = 10.0
     subspaces = Subspaces(torch.tensor([[0.0], [1.0]]), torch.zeros(2, 0, 1))
     prices = [(0.35, torch.arange(2))]
     alone = sweep(lambda u: subspaces.residuals(vectors[u]), labels, Corners.of(faces, 64), 2, prices)
     assert torch.equal(alone, labels)
-    assert int(sweep_patches(vectors, labels, faces, subspaces, prices).sum()) == 0
+    near = near_clusters(subspaces, vectors, labels, Corners.of(faces, 64))
+    joined = sweep_patches(subspaces, vectors, labels, near, faces, prices)
+    assert joined.nonzero().flatten().tolist() == main
 
 
 def test_distance_to_the_nearest_member(generator):
@@ -152,12 +175,9 @@ def test_distance_to_the_nearest_member(generator):
     labels = torch.randint(0, 4, (200,), generator=generator)
     pairs = (positions[:, None] - positions).norm(dim=2)
     brute = torch.stack([pairs[:, labels == m].amin(1) for m in range(4)], 1)
-    others = pairs + torch.diag(torch.full((200,), torch.inf, dtype=torch.float64))
-    others = torch.stack([others[:, labels == m].amin(1) for m in range(4)], 1)
     for m in range(4):
-        assert torch.allclose(nearest_member(positions, labels, m, torch.arange(200)), others[:, m], atol=1e-12)
-    only = torch.tensor([0] + [1] * 199)
-    assert nearest_member(positions, only, 0, torch.arange(1)).tolist() == [0.0]
+        assert torch.allclose(nearest_member(positions, labels, m, torch.arange(200)), brute[:, m], atol=1e-12)
+    assert nearest_member(positions, labels, 4, torch.arange(2)).tolist() == [math.inf, math.inf]
     hard = torch.nn.functional.one_hot(labels, 4).double()
     for width in (0.02, 0.002):
         smooth = smooth_nearest_member(positions, hard, width=width, neighbors=200)
@@ -183,14 +203,54 @@ def test_geometry_coherence_is_equation_9(generator):
     assert energy == pytest.approx(float(brute.amin(1).sum()), rel=1e-5)
 
 
-def test_geometry_coherence_lowers_overdraw_in_any_unit(patchwork):
-    positions, faces, signal = patchwork
-    plain, coherent = lbg(signal, 12), lbg_coherent(signal, positions, 12, alpha=3.0)
-    assert overdraw(coherent.labels, faces) < overdraw(plain.labels, faces)
-    scaled = lbg_coherent(signal, 1000 * positions + 7, 12, alpha=3.0)
-    assert float((scaled.labels == coherent.labels).float().mean()) > 0.99
+@pytest.mark.parametrize("place", PLACES)
+def test_geometry_coherence_in_any_unit(patchwork, place):
+    positions, _, signal = patchwork
+    found = lbg_coherent(signal, positions, 12, alpha=3.0, place=place)
+    scaled = lbg_coherent(signal, 1000 * positions + 7, 12, alpha=3.0, place=place)
+    assert float((scaled.labels == found.labels).float().mean()) > 0.99
+    without = lbg_coherent(signal, positions, 12, alpha=0, place=place)
+    assert float((without.labels == lbg(signal, 12).labels).float().mean()) > 0.95
     with pytest.raises(InputError, match="alpha is -1"):
         lbg_coherent(signal, positions, 12, alpha=-1)
+    with pytest.raises(InputError, match="place 'here' is unknown"):
+        lbg_coherent(signal, positions, 12, place="here")
+
+
+def test_geometry_coherence_by_means_trades_energy_for_overdraw(patchwork):
+    """The thesis's trend: less overdraw, more distance to the means."""
+    positions, faces, signal = patchwork
+    found = [lbg_coherent(signal, positions, 12, alpha=alpha, place="mean") for alpha in (0.0, 2.0, 10.0)]
+    drawn = [overdraw(partition.labels, faces) for partition in found]
+    assert drawn == sorted(drawn, reverse=True) and drawn[2] - 1 < 0.9 * (drawn[0] - 1)
+    energies = [partition.energy for partition in found]
+    assert energies == sorted(energies)
+
+
+def test_equation_10_holds_receivers_back(patchwork):
+    """A receiver's own cluster costs nothing: clusters stay what the first round made them, after fewer rounds."""
+    positions, _, signal = patchwork
+    plain, held = lbg(signal, 12), lbg_coherent(signal, positions, 12, alpha=30.0)
+    assert held.energy > plain.energy and held.iterations < plain.iterations
+
+
+def test_places_add_three_columns_of_the_same_variance(patchwork):
+    positions, _, signal = patchwork
+    both = placed(signal, 500 * positions + 3)
+    assert torch.equal(both[:, :-3], signal)
+    variance = [float((rows - rows.mean(0)).square().sum(1).mean()) for rows in both.split([9, 3], 1)]
+    assert variance[0] == pytest.approx(variance[1], rel=1e-4)
+    assert bool((placed(signal, torch.ones(len(signal), 3))[:, -3:] == 0).all())
+
+
+def test_starting_from_places_lowers_overdraw(bumpy_transfer):
+    """Of subspaces, at next to no error, before anything has a price."""
+    signal, receivers = bumpy_transfer.diffuse.flatten(1), bumpy_transfer.receivers
+    starts = (signal, placed(signal, receivers.positions))
+    found = [k_subspaces(signal, lbg(rows, 24).labels, 4) for rows in starts]
+    drawn = [overdraw(partition.labels, receivers.faces) for partition in found]
+    assert drawn[1] - 1 < 0.85 * (drawn[0] - 1)
+    assert found[1].error < 1.05 * found[0].error
 
 
 def test_unit_box_keeps_proportions():

@@ -6,7 +6,7 @@ import math
 import pytest
 import torch
 
-from diffprt.compress import STARTS, lbg
+from diffprt.compress import STARTS, fit_subspaces, k_subspaces, lbg
 from diffprt.compress.lbg import fill_empty
 from diffprt.compress.partition import canonical, member_means, nearest
 from diffprt.compress.span import principal_span
@@ -108,6 +108,31 @@ def test_span_keeps_distances_up_to_what_it_leaves_out(dtype, generator):
     values = torch.linalg.svdvals(centered).square()
     kept = float(values[: span.coordinates.shape[1]].sum() / values.sum())
     assert 1 - span.remainder == pytest.approx(kept, abs=1e-4), "no other directions would hold more"
+
+
+def test_clusters_found_in_the_span_are_clusters_of_the_signals(generator):
+    """The same start and rounds, of 700 dimensions and of the span: labels and the signals' own energy agree."""
+    centers = torch.randn(16, 700, generator=generator)
+    vectors = centers[torch.randint(0, 16, (2000,), generator=generator)]
+    noise = torch.randn(2000, 30, generator=generator) @ torch.randn(30, 700, generator=generator)
+    vectors = vectors + 0.15 * noise + 0.02 * torch.randn(2000, 700, generator=generator)
+    span = principal_span(vectors, remainder=2e-3)
+    assert span.coordinates.shape[1] < 64
+    inside, whole = (lbg(rows, 16, seed=1).labels for rows in (span.coordinates, vectors))
+    assert energy(vectors, inside) == pytest.approx(energy(vectors, whole), rel=5e-3)
+    assert float((inside == whole).double().mean()) >= 0.98
+
+
+def test_subspaces_found_in_the_span_are_subspaces_of_the_signals(generator):
+    vectors = torch.randn(1500, 24, generator=generator) @ torch.randn(24, 500, generator=generator)
+    vectors = vectors + 0.02 * torch.randn(1500, 500, generator=generator)
+    start = lbg(vectors, 6).labels
+    errors = []
+    for rows in (principal_span(vectors).coordinates, vectors):
+        labels = k_subspaces(rows, start, 4, iterations=12, tolerance=0.0).labels
+        fitted = fit_subspaces(vectors, labels, 6, 4, passes=12)
+        errors.append(float(fitted.own(vectors, labels).double().mean()))
+    assert errors[0] == pytest.approx(errors[1], rel=5e-3)
 
 
 def test_span_of_few_dimensions_is_the_signal_itself(generator):

@@ -85,10 +85,11 @@ def test_error_falls_with_every_round(generator):
     assert all(later < earlier for earlier, later in itertools.pairwise(errors))
 
 
-def test_nearest_is_the_same_in_blocks(generator, monkeypatch):
+def test_blocks_are_runs_of_all_rows(generator, monkeypatch):
     vectors = torch.randn(100, 6, generator=generator)
     subspaces = Subspaces(torch.randn(7, 6, generator=generator), torch.zeros(7, 2, 6))
-    whole = subspaces.nearest(vectors)
     monkeypatch.setattr(importlib.import_module("diffprt.compress.subspaces"), "_CELLS", 1)
-    parts = subspaces.nearest(vectors)
-    assert torch.equal(whole[0], parts[0]) and torch.allclose(whole[1], parts[1], atol=1e-5)
+    blocks = list(subspaces.blocks(vectors))
+    assert len(blocks) == 7 and [rows.stop for rows, _ in blocks[:-1]] == [rows.start for rows, _ in blocks[1:]]
+    whole = torch.cat([residual for _, residual in blocks])
+    assert torch.allclose(whole, subspaces.residuals(vectors), atol=1e-5)

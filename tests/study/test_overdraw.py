@@ -2,11 +2,13 @@
 
 import json
 import math
+from dataclasses import replace
 
 import pytest
 import torch
 
 from diffprt.cli import main
+from diffprt.compress import overdraw, squared_errors
 from diffprt.compress.encode import Encoded
 from diffprt.errors import InputError
 from diffprt.render import Camera
@@ -146,7 +148,9 @@ def test_summary_where_ours_lose():
     assert summary([row_of("k-subspaces", 0.05, 1.2, 1.0)])["groups"] == []
 
 
-@pytest.mark.parametrize("text", ["lbg", "faiss", "lbg-coherent=2", "k-subspaces-overdraw=0.5@256"])
+@pytest.mark.parametrize(
+    "text", ["lbg", "faiss", "lbg-coherent=2", "k-subspaces-overdraw=0.5@256", "k-subspaces-overdraw~0.2@256"]
+)
 def test_method_as_text(text):
     assert str(Method.parse(text)) == text
 
@@ -156,6 +160,8 @@ def test_method_as_text(text):
     [
         ("kmeans", "is unknown"),
         ("lbg@256", "knows no registers"),
+        ("lbg~0.2", "knows no slack"),
+        ("k-subspaces-overdraw~much", "slack 'much'"),
         ("k-subspaces-potts@few", "give a count"),
         ("lbg-coherent=much", "give a number"),
     ],
@@ -163,6 +169,20 @@ def test_method_as_text(text):
 def test_no_such_method(text, message):
     with pytest.raises(InputError, match=message):
         Method.parse(text)
+
+
+def test_position_only_patches_are_blind_to_the_signal(small):
+    """Their labels are those of any other signal at the same places, and their components fit this one."""
+    found, _ = Method("position-only").cluster(small, 6, 2)
+    other, _ = Method("position-only").cluster(replace(small, values=small.values.flip(0)), 6, 2)
+    assert torch.equal(found.labels, other.labels) and int(found.labels.max()) == 5
+    assert float(squared_errors(small.vectors, found).mean()) < cluster_energy(small.vectors, found.labels)
+
+
+def test_slack_reaches_the_method(small):
+    tight, loose = (Method.parse(f"k-subspaces-overdraw~{slack}").cluster(small, 8, 2)[0] for slack in (0, 5))
+    assert tight.counts["coherence"] < loose.counts["coherence"]
+    assert overdraw(loose.labels, small.receivers.faces) < overdraw(tight.labels, small.receivers.faces)
 
 
 def test_energy_is_what_members_spread():
