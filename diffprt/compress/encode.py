@@ -12,6 +12,7 @@ from diffprt.compress.methods import best_method, cluster
 from diffprt.compress.pca import cluster_pca
 from diffprt.compress.quantize import check_format, rounded, stored_bytes
 from diffprt.errors import InputError
+from diffprt.torch_threads import one_torch_thread
 
 _ROWS = 4096
 
@@ -51,6 +52,7 @@ class Encoded:
         return blend(self.labels[rows], self.weights[rows], self.means, self.bases)
 
 
+@one_torch_thread()
 def encode(
     vectors: torch.Tensor,
     *,
@@ -69,7 +71,7 @@ def encode(
     seed: int = 0,
     iterations: int = 50,
 ) -> Encoded:
-    """Clustered principal component analysis of any signal.
+    """Clustered principal component analysis of any signal; the same for any number of threads.
 
     Args:
         vectors: float [V, D], such as transfer flattened over channels and coefficients.

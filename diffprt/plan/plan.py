@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from contextlib import contextmanager
 from numbers import Integral, Real
 
 import torch
@@ -18,6 +16,7 @@ from diffprt.plan.order import decide_order
 from diffprt.plan.pilot import HIGHEST_ORDER, MOST_BOUNCES, Pilot
 from diffprt.plan.shadows import decide_shadows
 from diffprt.scene import Environment, Light, Scene
+from diffprt.torch_threads import one_torch_thread
 
 
 def plan(
@@ -59,7 +58,7 @@ def plan(
         geometry, receives = geometry.with_backs(), torch.cat([receives, receives[geometry.transmission > 0]])
     tensors = (geometry.positions, geometry.normals, geometry.faces, receives)
     proof = prove_open(*(t.numpy() for t in tensors))
-    with _one_torch_thread():
+    with one_torch_thread():
         pilot = None if proof.proved else Pilot(geometry, receives)
         walks = None if pilot is None else pilot.walk()
         shadow = decide_shadows(proof, pilot, walks, tolerance).overridden(shadows)
@@ -71,18 +70,6 @@ def plan(
     asked = {"shadows": shadows, "bounces": bounces, "channels": channels, "order": order}
     overridden = tuple(name for name, value in asked.items() if value is not None)
     return Plan(shadow, bounce, channel, band, vector, float(tolerance), overridden)
-
-
-@contextmanager
-def _one_torch_thread() -> Iterator[None]:
-    """Pilot rays are many steps over short arrays: on a busy machine torch's threads would wait for each other up
-    to ten times as long as they work. Rays still use all cores."""
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(threads)
 
 
 def _check(tolerance: object, shadows: object, bounces: object, channels: object, order: object) -> None:

@@ -4,6 +4,8 @@ Both take steps of gradient descent on ‖picture - reference‖² / ‖referenc
 turns. Everything that a step repeats is counted: shading or rendering, loss, gradient, update. What is done once (our
 bake and rasterization, Mitsuba's scene and its first compilation) is reported beside it.
 
+Ours works on one torch thread: a step is too short to be shared. Mitsuba has all cores.
+
 Our gradient has no noise and is that of the baked transfer; Mitsuba's is that of the scene, with noise. The cosine
 between the two is taken on the coefficients of the light, where the chain rule leads from Mitsuba's texels.
 """
@@ -24,6 +26,7 @@ from diffprt.study.gradient_mitsuba import MitsubaGradient
 from diffprt.study.gradient_steps import gradient_steps
 from diffprt.study.mitsuba_scene import path_trace
 from diffprt.study.timing import Stopwatch, paired_ratio, spread
+from diffprt.torch_threads import one_torch_thread
 from diffprt.transfer import bake
 
 # Rows of Mitsuba's map where gradients are compared, at which it describes the light to 2e-4.
@@ -119,7 +122,8 @@ def gradient_study(
         target = one.reference(picture)
         seeds = iter(range(seed, seed + rounds + 2))
         steps[name] = lambda one=one, target=target, seeds=seeds: one.step(target, samples=samples, seed=next(seeds))
-    seconds = _race(steps, peers, rounds, once)
+    with one_torch_thread():
+        seconds = _race(steps, peers, rounds, once)
     say("compare gradients")
     (ours,) = gradient_steps(transfer, clustered, frozen, start, picture[frozen.mask], rows=rows)["light"]()
     target = fine.reference(picture)
