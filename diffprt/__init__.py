@@ -9,7 +9,7 @@ from importlib.metadata import version
 from diffprt.asset import load, save
 from diffprt.compress import ClusteredGlossyTransfer, ClusteredTransfer, compress
 from diffprt.errors import InputError
-from diffprt.export import export
+from diffprt.export import export, show
 from diffprt.optimize import References, load_references, make_references, optimize, save_references
 from diffprt.render import Camera, render
 from diffprt.scene import Environment, Light, Scene
@@ -40,6 +40,7 @@ __all__ = [
     "save",
     "save_references",
     "shade",
+    "show",
     "tone_map",
     "trace",
 ]

@@ -10,6 +10,7 @@ import typer
 from diffprt import asset as assets
 from diffprt.cli.inputs import load_light
 from diffprt.cli.report import JsonFile, check_output, size_text, write_report
+from diffprt.errors import InputError
 from diffprt.export import export, export_glb, pack, write_shaders, write_three
 from diffprt.render import Camera, View, auto_exposure, render
 from diffprt.scene import Light
@@ -25,20 +26,41 @@ def run(
     registers: int = typer.Option(
         None, help="Draws clusters in passes of that many float4 uniforms, such as 256.  [default: in one pass]"
     ),
+    uncompressed: Path = typer.Option(
+        None, help="The transfer that was compressed (.prt): a version to compare with, and a heat map of errors."
+    ),
+    before: Path = typer.Option(None, help="The asset before optimization (.prt), to compare with."),
+    versions: list[str] = typer.Option(
+        [], metavar="NAME=FILE", help="Another asset (.prt) of the same mesh, to compare with; may be repeated."
+    ),
     glb: bool = typer.Option(False, "--glb", help="Also scene.glb, and prt.three.js with an example that shows it."),
     shaders: bool = typer.Option(False, "--shaders", help="Also its shaders as GLSL, GLSL ES, HLSL and WGSL."),
     json_file: Path = JsonFile,
 ) -> None:
     begun = time.perf_counter()
     asset = assets.load(source)
+    others = dict(_named(text) for text in versions)
     lights: dict[str, Light] = {}
     for name in light:
         stem = Path(name).stem.removeprefix("builtin:")
         shown = next(n for n in (stem, *(f"{stem} {i}" for i in range(2, len(light) + 2))) if n not in lights)
         lights[shown] = balance(asset, load_light(name, asset.order, window=window))
     check_output(output, directory=True)
-    report = export(asset, output, lights=lights, curve=curve, title=title or source.stem, registers=registers)
-    print(f"{report['path']}: {size_text(report['bytes'])}; open it in a browser")
+    report = export(
+        asset,
+        output,
+        lights=lights,
+        curve=curve,
+        title=title or source.stem,
+        registers=registers,
+        versions={name: assets.load(path) for name, path in others.items()},
+        uncompressed=None if uncompressed is None else assets.load(uncompressed),
+        before=None if before is None else assets.load(before),
+    )
+    parts = ", ".join(f"{name} {size_text(size)}" for name, size in report["parts"].items())
+    print(f"{report['path']}: {size_text(report['bytes'])} ({parts}); open it in a browser")
+    for what in report["left_out"]:
+        print(f"left out: {what}")
     if glb:
         report["glb"] = export_glb(asset, output / "scene.glb", lights=lights, name=title or source.stem)
         print(f"{report['glb']['path']}: {size_text(report['glb']['bytes'])}; example.html shows it with three.js")
@@ -59,6 +81,13 @@ def run(
             "outputs": report,
         },
     )
+
+
+def _named(text: str) -> tuple[str, Path]:
+    name, equals, path = text.partition("=")
+    if not (name and equals and path):
+        raise InputError(f"--versions is '{text}': give NAME=FILE")
+    return name, Path(path)
 
 
 def balance(asset: object, light: Light) -> Light:

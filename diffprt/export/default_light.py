@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import torch
 
@@ -14,6 +15,7 @@ _SUN_IRRADIANCE = (2.6, 2.2, 1.7)
 _SUN_DIRECTION = (0.45, 0.75, 0.5)
 
 
+@lru_cache(maxsize=10)
 def default_light(order: int) -> Light:
     """A uniform sky and one sun from the upper right, windowed so that the bands of `order` do not ring."""
     sun = torch.nn.functional.normalize(torch.tensor(_SUN_DIRECTION, dtype=torch.float64), dim=0)

@@ -122,6 +122,11 @@ class Page:
     def call(self, name: str, *arguments):
         return self.tab.evaluate(f"(list) => window.diffprt.{name}(...list)", list(arguments))
 
+    def calls(self, *list_of_calls) -> None:
+        """Several calls [name, *arguments] before the page draws again."""
+        script = "(list) => { for (const [name, ...given] of list) window.diffprt[name](...given); }"
+        self.tab.evaluate(script, [list(call) for call in list_of_calls])
+
     def info(self) -> dict:
         return self.tab.evaluate("() => window.diffprt.info")
 
@@ -187,7 +192,7 @@ def open_page(browser):
     @contextmanager
     def tab(**options):
         # Small, for a software rasterizer; tests of pictures set their own size by `resize`.
-        context = browser.new_context(**{"viewport": {"width": 400, "height": 320}, **options})
+        context = browser.new_context(**{"viewport": {"width": 200, "height": 160}, **options})
         yield context.new_page()
         context.close()
 

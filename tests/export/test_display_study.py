@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
+from PIL import Image
 
 from diffprt.cli.study_display import print_display
 from diffprt.errors import InputError
-from diffprt.study import display
+from diffprt.study import display, display_pictures
 from diffprt.study.display import display_study
 
 
@@ -32,6 +34,17 @@ def test_every_way_is_timed_and_counted(browser, synthetic, capsys) -> None:
     assert set(report["ratios"]) == {"passes", "uncompressed"}
     print_display(report)
     assert "of one pass at rest" in capsys.readouterr().out
+
+
+def test_pictures_of_the_page(browser, synthetic, tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(display_pictures, "_SHOTS", display_pictures._SHOTS[-1:])
+    transfer = synthetic.bumpy_sphere(order=3, channels=1, rows=12)
+    sizes = {"clusters": 4, "components": 2, "registers": 9}
+    (path,) = display_pictures.display_pictures(transfer, tmp_path, browser=browser, **sizes)
+    picture = np.asarray(Image.open(path))
+    assert picture.shape == (1688, 780, 3)
+    assert path.stat().st_size < 300_000
+    assert picture[:800].std() > 10 and picture[900:].std() > 10, "an empty stage, or an empty panel"
 
 
 def test_a_missing_browser_is_told(synthetic, monkeypatch) -> None:

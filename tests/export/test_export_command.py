@@ -34,6 +34,20 @@ def test_files_for_engines(bumpy_transfer, tmp_path, capsys) -> None:
     assert "example.html shows it with three.js" in capsys.readouterr().out
 
 
+def test_versions_to_compare_with(bumpy_transfer, tmp_path, capsys) -> None:
+    save(bumpy_transfer, tmp_path / "ball.prt")
+    save(compress(bumpy_transfer, clusters=6, components=3, iterations=2), tmp_path / "small.prt")
+    save(compress(bumpy_transfer, clusters=3, components=1, iterations=2), tmp_path / "before.prt")
+    given = ["--uncompressed", tmp_path / "ball.prt", "--before", tmp_path / "before.prt"]
+    given += ["--versions", f"Direct={tmp_path / 'ball.prt'}", "--light", "constant"]
+    assert run("export", tmp_path / "small.prt", "-o", tmp_path / "page", *given) == 0
+    page = (tmp_path / "page" / "index.html").read_text()
+    assert all(f'"name": "{name}"' in page for name in ("Optimized", "Before", "Uncompressed", "Direct", "Unshadowed"))
+    assert "geometry" in capsys.readouterr().out
+    assert run("export", tmp_path / "small.prt", "-o", tmp_path / "page", "--versions", "Direct") == 2
+    assert "give NAME=FILE" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("registers", "words"), [("1", "a register budget of 1 float4 holds no cluster"), ("9", "leave registers out")]
 )

@@ -168,7 +168,7 @@ def test_two_fingers_zoom_and_pan(exported, open_page) -> None:
 def test_page_is_labelled(exported, open_page) -> None:
     """Every control has a name and can be reached by the tab key."""
     tab = open_page(exported, **DESKTOP).tab
-    controls = tab.locator("input, button:visible, canvas[tabindex], summary")
+    controls = tab.locator("input, select, button:visible, canvas[tabindex], summary")
     assert controls.count() > 15
     nameless = controls.evaluate_all(
         "list => list"
@@ -177,7 +177,7 @@ def test_page_is_labelled(exported, open_page) -> None:
     )
     assert nameless == []
     reached = set()
-    for _ in range(20):
+    for _ in range(24):
         tab.keyboard.press("Tab")
         reached.add(tab.evaluate("document.activeElement.id || document.activeElement.name"))
     assert {
@@ -190,6 +190,10 @@ def test_page_is_labelled(exported, open_page) -> None:
         "exposure",
         "curve",
         "background",
+        "order",
+        "open-map",
+        "version",
+        "other",
     } <= reached
     facts = tab.locator("#facts").inner_text()
     assert all(words in facts for words in ("3,321", "6,400", "12 × 5", "1, uncolored"))
@@ -227,6 +231,9 @@ def test_page_says_why_it_cannot_draw(exported, open_page) -> None:
     message = page.tab.locator("#message")
     message.wait_for(state="visible")
     assert "no WebGL 2" in message.inner_text()
+    picture = page.tab.locator("#fallback")
+    assert picture.is_visible() and picture.get_attribute("alt") == "Dented ball, one picture"
+    assert picture.evaluate("image => image.naturalWidth") == 256
     assert not page.tab.locator("#panel").is_visible()
 
 
@@ -240,6 +247,8 @@ def test_mistakes_of_scripts_are_told(exported, open_page) -> None:
         "setCamera({ view: [1], projection: [] })": "view has 1 numbers, 16",
         "setExposure(-1)": "give a positive factor",
         "setCurve('filmic')": "linear, reinhard, aces",
+        "setOrder(5)": "give 1 to 4",
+        "setHeat('error')": "use one of none, clusters, overdraw",
         "setBackground([1])": "background has 1 numbers, 3",
         "resize(0, 10)": "give 1 to",
     }
@@ -247,6 +256,9 @@ def test_mistakes_of_scripts_are_told(exported, open_page) -> None:
         script = f"() => {{ try {{ window.diffprt.{call}; }} catch (error) {{ return error.message; }} }}"
         assert words in page.tab.evaluate(script), call
     assert changed(page, before) == 0
+    assert "use one of Compressed, Unshadowed" in page.tab.evaluate(
+        "() => diffprt.setVersion('other').catch((error) => error.message)"
+    )
 
     page.tab.evaluate("() => { setTimeout(() => { throw new Error('something broke'); }); }")
     message = page.tab.locator("#message")

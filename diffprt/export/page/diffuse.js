@@ -3,6 +3,7 @@ import { dotClusters, padLight } from "./cluster_light.js";
 import { Mesh } from "./mesh.js";
 import { ClusterPasses } from "./cluster_passes.js";
 import { Program } from "./program.js";
+import { shBasis } from "./sh.js";
 import { Table } from "./table.js";
 
 export const LONGEST_LIGHT = 100; // COEFFICIENTS of the shaders: order 10
@@ -13,7 +14,7 @@ export class Diffuse {
   constructor(gl, { numbers, arrays }) {
     const { channels, coefficients } = numbers;
     this.program = new Program(gl, "diffuse");
-    this.mesh = new Mesh(gl, arrays);
+    this.mesh = new Mesh(gl, { ...arrays, normals: null });
     const transfer = Table.of(gl, arrays.transfer, coefficients, "transfer coefficients").texture;
     this.values = { transfer, channels, channelTexels: Math.ceil(coefficients / 4) };
   }
@@ -25,6 +26,23 @@ export class Diffuse {
   draw(shared) {
     this.program.use({ ...shared, ...this.values });
     this.mesh.draw();
+  }
+}
+
+// The clamped cosine about every normal, as if nothing shadowed anything; numbers.zonal [order] includes the addition
+// theorem's factors.
+export class Unshadowed extends Diffuse {
+  constructor(gl, { numbers, arrays }) {
+    const { coefficients: K, zonal } = numbers;
+    const { normals } = arrays;
+    const transfer = new Float32Array((normals.length / 3) * K);
+    for (let i = 0; i < normals.length / 3; i++) {
+      shBasis(zonal.length, normals[3 * i], normals[3 * i + 1], normals[3 * i + 2], transfer, i * K);
+      for (let l = 0; l < zonal.length; l++) {
+        for (let k = l * l; k < (l + 1) * (l + 1); k++) transfer[i * K + k] *= zonal[l];
+      }
+    }
+    super(gl, { numbers, arrays: { ...arrays, transfer } });
   }
 }
 

@@ -1,7 +1,8 @@
-// The asset's triangles as vertex attributes 0 (position), 1 (albedo) and 2 (cluster), with an index buffer.
+// Triangles as vertex attributes 0 (position), 1 (albedo or paint) and 2 (cluster, or else normal), with an index
+// buffer.
 
 export class Mesh {
-  constructor(gl, { positions, albedo, labels, indices }) {
+  constructor(gl, { positions, albedo, labels, normals, indices }) {
     this.gl = gl;
     this.vertexArray = gl.createVertexArray();
     gl.bindVertexArray(this.vertexArray);
@@ -14,6 +15,8 @@ export class Mesh {
       upload(gl, labels);
       gl.enableVertexAttribArray(2);
       gl.vertexAttribIPointer(2, 1, type, 0, 0);
+    } else if (normals) {
+      floats(gl, 2, normals);
     }
     this.setIndices(indices);
   }

@@ -81,6 +81,12 @@ export class Orbit {
     return authored * Math.max(1, (this.frame.aspect * free.height) / free.width);
   }
 
+  // Where the camera goes: { eye, target }.
+  camera() {
+    const { distance, target } = this.goal;
+    return { eye: addScaled(target, this.back(this.goal), distance), target: [...target] };
+  }
+
   back({ azimuth, elevation }) {
     const flat = addScaled([0, 0, 0], this.side, Math.sin(azimuth) * Math.cos(elevation));
     const forth = addScaled(flat, this.ahead, Math.cos(azimuth) * Math.cos(elevation));

@@ -2,6 +2,8 @@
 import { drawBall } from "./light_ball.js";
 
 const element = (id) => document.getElementById(id);
+const PATH_NAMES = { single: "One pass", passes: "Passes" };
+const HEAT_NAMES = { none: "None", clusters: "Clusters", overdraw: "Overdraw", error: "Error" };
 const whole = new Intl.NumberFormat("en");
 
 export function formatBytes(bytes) {
@@ -11,10 +13,19 @@ export function formatBytes(bytes) {
 }
 
 export class Panel {
-  constructor(manifest, actions) {
+  // offered: { paths, heatMaps } that this device and asset have.
+  constructor(manifest, { paths, heatMaps }, actions) {
     this.actions = actions;
+    this.versions = manifest.versions;
+    this.facts = manifest.facts;
     this.showFacts(manifest);
-    this.buildLights(manifest.lights);
+    manifest.lights.forEach(({ name, coefficients }) => this.addLight(name, Float32Array.from(coefficients)));
+    this.buildVersions();
+    this.choice("heat", ["none", ...heatMaps].map((name) => [name, HEAT_NAMES[name]]), actions.setHeat);
+    this.choice("path", paths.map((name) => [name, PATH_NAMES[name]]), actions.setPath);
+    element("order").max = manifest.facts.order;
+    this.slider("order", actions.setOrder);
+    this.slider("wipe", (value) => actions.setWipe(value / 100));
     this.slider("azimuth", (value) => actions.setLightAngles({ azimuth: value }));
     this.slider("elevation", (value) => actions.setLightAngles({ elevation: value }));
     this.slider("exposure", (value) => actions.setExposure(2 ** value));
@@ -38,7 +49,7 @@ export class Panel {
 
   key(event) {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
-    const typing = event.target.closest?.("input, button, summary, select");
+    const typing = event.target.closest?.("input, button, summary, select, textarea");
     const { actions } = this;
     const keys = { h: () => this.setOpen(element("panel").hidden), r: actions.resetCamera, l: actions.resetLight, s: actions.save };
     if (event.key === " " && !typing) {
@@ -64,23 +75,62 @@ export class Panel {
     element(`${id}-value`).textContent = text;
   }
 
-  buildLights(lights) {
+  addLight(name, coefficients) {
+    const index = element("lights").childElementCount;
     const side = Math.round(40 * Math.min(2, window.devicePixelRatio || 1));
-    lights.forEach(({ name, coefficients }, index) => {
-      const label = document.createElement("label");
-      const input = Object.assign(document.createElement("input"), { type: "radio", name: "light", value: index });
-      const ball = Object.assign(document.createElement("canvas"), { width: side, height: side });
-      ball.setAttribute("aria-hidden", "true");
-      const text = Object.assign(document.createElement("span"), { textContent: name });
-      label.title = name;
-      label.append(input, ball, text);
-      element("lights").append(label);
-      drawBall(ball, Float32Array.from(coefficients));
-      input.addEventListener("change", () => this.actions.chooseLight(index));
-    });
+    const label = document.createElement("label");
+    const input = Object.assign(document.createElement("input"), { type: "radio", name: "light", value: index });
+    const ball = Object.assign(document.createElement("canvas"), { width: side, height: side });
+    ball.setAttribute("aria-hidden", "true");
+    const text = Object.assign(document.createElement("span"), { textContent: name });
+    label.title = name;
+    label.append(input, ball, text);
+    element("lights").append(label);
+    drawBall(ball, Float32Array.from(coefficients));
+    input.addEventListener("change", () => this.actions.chooseLight(index));
   }
 
-  showFacts({ title, facts, certificate }) {
+  // Segments of a fieldset, which shows only where there is something to choose.
+  choice(name, options, action) {
+    const field = element(`${name}-field`);
+    field.hidden = options.length < 2;
+    field.querySelector(".segments").replaceChildren(
+      ...options.map(([value, text]) => {
+        const label = document.createElement("label");
+        const input = Object.assign(document.createElement("input"), { type: "radio", name, value });
+        label.append(input, Object.assign(document.createElement("span"), { textContent: text }));
+        input.addEventListener("change", () => action(value));
+        return label;
+      }),
+    );
+  }
+
+  buildVersions() {
+    element("versions").hidden = this.versions.length < 2;
+    const options = (list) =>
+      list.map(([value, text]) => Object.assign(document.createElement("option"), { value, textContent: text }));
+    const names = this.versions.map(({ name }, index) => [String(index), name]);
+    element("version").replaceChildren(...options(names));
+    element("other").replaceChildren(...options([["", "Nothing"], ...names]));
+    element("version").addEventListener("change", (event) => this.actions.setVersion(Number(event.target.value)));
+    element("other").addEventListener("change", ({ target }) =>
+      this.actions.setOther(target.value === "" ? null : Number(target.value)),
+    );
+  }
+
+  showFacts({ title, certificate }) {
+    element("title").textContent = title;
+    this.showVersion(0);
+    const entries = flatten(certificate);
+    element("certificate").hidden = entries.length === 0;
+    fill(element("certificate").querySelector("dl"), entries);
+  }
+
+  showVersion(index) {
+    if (this.shownVersion === index) return;
+    this.shownVersion = index;
+    const facts = { ...this.facts, clusters: undefined, ...this.versions[index].facts };
+    const held = facts.signal_bytes ? formatBytes(facts.signal_bytes) : "from normals";
     const rows = [
       ["Vertices", whole.format(facts.vertices)],
       ["Triangles", whole.format(facts.triangles)],
@@ -88,16 +138,15 @@ export class Panel {
       ["Channels", facts.channels === 1 ? "1, uncolored" : "3, colored"],
     ];
     if (facts.clusters) rows.push(["Clusters × components", `${whole.format(facts.clusters)} × ${facts.components}`]);
-    rows.push(["Signal", formatBytes(facts.signal_bytes)], ["Geometry", formatBytes(facts.geometry_bytes)], ["Frame", "–"]);
+    if (facts.passes) rows.push(["Passes, overdraw", `${facts.passes}, ${facts.overdraw.toFixed(3)}`]);
+    rows.push(["Signal", held]);
+    if (facts.signal_bytes) rows.push(["in this file", formatBytes(facts.stored_bytes)]);
+    rows.push(["Geometry", formatBytes(facts.geometry_bytes)], ["Frame", this.frameTime?.textContent ?? "–"]);
     fill(element("facts"), rows);
     this.frameTime = element("facts").lastElementChild;
     this.frameTime.id = "frame-time";
-    element("title").textContent = title;
     const size = facts.clusters ? `${whole.format(facts.clusters)} × ${facts.components} clusters` : "plain transfer";
     element("subtitle").textContent = `${whole.format(facts.vertices)} vertices, ${size}`;
-    const entries = flatten(certificate);
-    element("certificate").hidden = entries.length === 0;
-    fill(element("certificate").querySelector("dl"), entries);
   }
 
   show(state) {
@@ -106,6 +155,14 @@ export class Panel {
     const stops = Math.log2(state.exposure);
     this.setSlider("exposure", stops, `${stops < -0.005 ? "−" : "+"}${Math.abs(stops).toFixed(2)} EV`);
     element("spin").setAttribute("aria-pressed", String(state.spinning));
+    this.setSlider("order", state.order, `${state.order} of ${this.facts.order}`);
+    this.setSlider("wipe", 100 * state.wipe, `${Math.round(100 * state.wipe)} %`);
+    element("wipe-field").hidden = state.other === null;
+    element("version").value = String(state.version);
+    element("other").value = state.other === null ? "" : String(state.other);
+    this.showVersion(state.version);
+    check("heat", state.heat);
+    check("path", state.path);
     check("curve", state.curve);
     check("background", String(state.background));
     check("light", String(state.lightIndex));
@@ -152,4 +209,3 @@ function flatten(entries, prefix = "") {
     return [[name, number ? String(Number(value.toPrecision(4))) : Array.isArray(value) ? value.join(", ") : String(value)]];
   });
 }
-

@@ -2,44 +2,68 @@
 // after the browser has taken the graphics context away.
 import { padLight } from "./cluster_light.js";
 import { LONGEST_LIGHT } from "./diffuse.js";
+import { HeatMap } from "./heat_map.js";
 import { inverse4, multiply } from "./matrix.js";
 import { Program } from "./program.js";
 import { REPRESENTATIONS } from "./representations.js";
 import { CURVES } from "./tonemap.js";
 
 export class Renderer {
-  // asset: { kind, numbers, arrays } with arrays.positions, .indices and those of its kind.
-  constructor(canvas, asset) {
+  constructor(canvas) {
     const options = { antialias: true, alpha: false, depth: true, powerPreference: "high-performance" };
     this.gl = canvas.getContext("webgl2", options);
     if (!this.gl) {
       throw new Error("this browser offers no WebGL 2: use a current one, and see that graphics acceleration is on");
     }
-    this.asset = asset;
+    this.assets = new Map(); // of versions, by index
+    this.heat = { error: null, most: 0 };
     this.build();
   }
 
   build() {
-    const { gl, asset } = this;
+    const { gl, assets } = this;
     this.skyProgram = new Program(gl, "sky");
     this.emptyArray = gl.createVertexArray();
-    this.representation = new REPRESENTATIONS[asset.kind](gl, asset);
+    this.representations = new Map();
+    this.heatMap = null;
+    for (const index of assets.keys()) this.load(index);
     gl.enable(gl.DEPTH_TEST);
+  }
+
+  // asset: { kind, numbers, arrays } with arrays.positions, .indices and those of its kind.
+  addVersion(index, asset) {
+    this.assets.set(index, asset);
+    this.load(index);
+  }
+
+  load(index) {
+    const { gl } = this;
+    const asset = this.assets.get(index);
+    const representation = new REPRESENTATIONS[asset.kind](gl, asset);
     if (gl.getError() === gl.OUT_OF_MEMORY) throw new Error("the asset does not fit into graphics memory");
+    if (this.light) representation.setLight(this.light);
+    this.representations.set(index, representation);
   }
 
-  // The ways in which this device can draw the asset.
-  get paths() {
-    return this.representation.paths;
+  // The ways in which this device can draw a version.
+  paths(index) {
+    return this.representations.get(index).paths;
   }
 
-  // light: [K * 3], already turned.
+  // Names of heat maps, which are of the first version.
+  get heatMaps() {
+    this.heatMap ??= new HeatMap(this.gl, this.assets.get(0).arrays, this.heat);
+    return this.heatMap.names;
+  }
+
+  // light: [K * 3], already turned; for every version that is loaded.
   setLight(light) {
     this.light = light;
-    this.representation.setLight(light);
+    for (const representation of this.representations.values()) representation.setLight(light);
   }
 
-  // frame: { view, projection (row-major), exposure, curve, path, background: display values [r, g, b] or "light" }
+  // frame: { view, projection (row-major), exposure, curve, path, background: display values [r, g, b] or "light",
+  // version, other: index or null, wipe: share of the width, heat: a name or "none" }
   draw(frame, width, height, framebuffer = null) {
     const { gl } = this;
     const shared = {
@@ -48,13 +72,27 @@ export class Renderer {
       exposure: frame.exposure,
       curve: CURVES.indexOf(frame.curve),
     };
+    const target = { framebuffer, width, height };
     gl.bindFramebuffer(gl.FRAMEBUFFER, framebuffer);
     gl.viewport(0, 0, width, height);
     const showsSky = frame.background === "light";
     gl.clearColor(...(showsSky ? [0, 0, 0] : frame.background), 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     if (showsSky) this.drawSky(frame, shared);
-    this.representation.draw(shared, { framebuffer, width, height }, frame.path);
+    if (frame.other === null) return this.drawVersion(frame.version, frame, shared, target);
+    const edge = Math.round(frame.wipe * width);
+    gl.enable(gl.SCISSOR_TEST);
+    gl.scissor(0, 0, edge, height);
+    this.drawVersion(frame.version, frame, shared, target);
+    gl.scissor(edge, 0, width - edge, height);
+    this.drawVersion(frame.other, { ...frame, heat: "none" }, shared, target);
+    gl.disable(gl.SCISSOR_TEST);
+  }
+
+  drawVersion(index, { path, heat }, shared, target) {
+    if (this.heatMaps.includes(heat)) return this.heatMap.draw(heat, shared);
+    const representation = this.representations.get(index);
+    representation.draw(shared, target, representation.paths.includes(path) ? path : representation.paths[0]);
   }
 
   drawSky({ view: v, projection }, shared) {

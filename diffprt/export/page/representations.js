@@ -5,11 +5,12 @@
 //   .paths                        ways to draw the same picture, the usual one first
 //   .setLight(light [K * 3])      already turned; may draw into targets of its own
 //   .draw(shared, target, path)   shared: uniforms of every program; target: { framebuffer, width, height }
-import { ClusteredDiffuse, Diffuse } from "./diffuse.js";
+import { ClusteredDiffuse, Diffuse, Unshadowed } from "./diffuse.js";
 import { ClusteredGlossy, PlainGlossy } from "./glossy.js";
 
 export const REPRESENTATIONS = {
   diffuse: Diffuse,
+  unshadowed: Unshadowed,
   clustered_diffuse: ClusteredDiffuse,
   glossy: PlainGlossy,
   clustered_glossy: ClusteredGlossy,

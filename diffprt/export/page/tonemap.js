@@ -1,4 +1,4 @@
-// tonemap.glsl on one channel, for the few colours that are known before drawing.
+// shading/programs/tone_map.shader on one channel, for the few colours that are known before drawing.
 
 export const CURVES = ["linear", "reinhard", "aces"];
 
