@@ -55,6 +55,15 @@ def parse_bounces(text: str | None) -> int | str | None:
         raise InputError(f"bounces is '{text}': give 0 to 64, such as 2, or converged") from None
 
 
+def parse_clusters(text: str) -> tuple[int, int]:
+    """CLUSTERSxCOMPONENTS."""
+    try:
+        clusters, components = (int(part) for part in text.split("x"))
+    except ValueError:
+        raise InputError(f"size is '{text}': give CLUSTERSxCOMPONENTS such as 64x8") from None
+    return clusters, components
+
+
 def load_scene(
     source: str, *, albedo: str | None, ground: bool, occluders: list[str], **loading: str | bool | None
 ) -> Scene:

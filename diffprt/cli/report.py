@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import platform
+import sys
 from importlib.metadata import version
 from pathlib import Path
 
@@ -61,6 +62,11 @@ def machine() -> dict:
         "threads": default_threads(),
         "versions": {name: version(name) for name in packages},
     }
+
+
+def say(text: str) -> None:
+    """What goes on, for people: beside what programs read."""
+    print(text, file=sys.stderr, flush=True)
 
 
 def print_table(title: str, columns: list[str], rows: list[list[str]]) -> None:

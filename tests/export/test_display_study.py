@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from diffprt.cli.study_display import print_display
+from diffprt.cli.study.display import print_display
 from diffprt.errors import InputError
 from diffprt.study import display, display_pictures
 from diffprt.study.display import display_study

@@ -1,32 +1,42 @@
-"""What the studies of gradients and inverse problems print."""
+"""Light and albedo recovered from Mitsuba's pictures and from another bake's, with noise."""
 
 from __future__ import annotations
 
-from diffprt.cli.report import print_table
+from pathlib import Path
+
+import typer
+
+from diffprt.cli.report import JsonFile, print_table, say, write_report
 
 
-def print_gradient(report: dict) -> None:
-    """The tables of `gradient_study`."""
-    settings, seconds, ratios = report["settings"], report["seconds"], report["ratios"]
-    rows = []
-    for name, spread in seconds.items():
-        low, median, high = (f"{1e3 * spread[key]:.3g}" for key in ("low", "median", "high"))
-        rows.append([name, median, f"{low} .. {high}"])
-        rows[-1] += [f"{of[name]['median']:.0f} x" if name in of else "-" for of in ratios.values()]
-    view = f"{settings['size']} x {settings['size']} pixels of {settings['scene']}, order {settings['order']}"
-    print_table(
-        f"A gradient step of {view}; Mitsuba at {settings['samples']} samples, medians of {settings['rounds']} rounds",
-        ["step to", "ms", "quartiles", *(f"faster than {name}" for name in ratios)],
-        rows,
+def run(
+    source: str = typer.Argument("builtin:bunny", metavar="SCENE", help="A scene file or builtin:NAME, of one mesh."),
+    order: int = typer.Option(4, help="SH bands of light and transfer."),
+    rays: int = typer.Option(4096, help="Rays per receiver."),
+    views: int = typer.Option(3, help="Pictures that a light is found from."),
+    albedo_views: int = typer.Option(8, help="Pictures that an albedo is found from, under each light."),
+    size: int = typer.Option(192, help="Pixels a side."),
+    samples: int = typer.Option(512, help="Mitsuba's samples per pixel."),
+    noise: float = typer.Option(0.01, help="Added to every pixel, a share of the picture's root mean square."),
+    seed: int = typer.Option(0, help="Of rays and noise."),
+    json_file: Path = JsonFile,
+) -> None:
+    from diffprt.study.inverse import inverse_study
+
+    report = inverse_study(
+        source,
+        order=order,
+        rays=rays,
+        views=views,
+        albedo_views=albedo_views,
+        size=size,
+        samples=samples,
+        noise=noise,
+        seed=seed,
+        say=say,
     )
-    setup = ", ".join(f"{name} {value:.3g} s" for name, value in report["setup"].items() if "first" not in name)
-    print(f"done once: {setup}")
-    cosine = report["cosine"]
-    bands = ", ".join(f"{value:.4f}" for value in cosine["bands"])
-    print(
-        f"cosine of the gradient to the light with Mitsuba's of {settings['halves']} x {settings['truth_samples']} "
-        f"samples: {cosine['overall']:.5f} (bands {bands}; Mitsuba's halves {cosine['between_halves']:.5f})"
-    )
+    write_report(json_file, "study inverse", report)
+    print_inverse(report)
 
 
 def print_inverse(report: dict) -> None:

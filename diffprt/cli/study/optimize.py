@@ -1,18 +1,16 @@
-"""Commands of the optimization study, and what they print."""
+"""What optimization brings over LBG + PCA and over our closed forms, on pictures never seen."""
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import typer
 
-from diffprt.cli.report import JsonFile, check_output, print_table, size_text, write_report
-from diffprt.errors import InputError
-from diffprt.optimize import load_references, save_references
+from diffprt.cli.inputs import parse_clusters
+from diffprt.cli.report import JsonFile, check_output, print_table, say, size_text, write_report
 
 
-def optimize(
+def run(
     source: list[str] = typer.Argument(
         None, metavar="[SCENE]...", help="Scene files or builtin:NAME.  [default: builtin:bunny]"
     ),
@@ -39,7 +37,7 @@ def optimize(
         source or ["builtin:bunny"],
         output,
         brdfs=brdf,
-        sizes=[_clusters_and_components(text) for text in size],
+        sizes=[parse_clusters(text) for text in size],
         train_lights=train_light,
         held_lights=held_light,
         order=order,
@@ -49,72 +47,13 @@ def optimize(
         size=pixels,
         steps=steps,
         window=window,
-        say=lambda text: print(text, file=sys.stderr, flush=True),
+        say=say,
     )
     write_report(json_file, "study optimize", report)
-    _print(report)
+    print_optimization(report)
 
 
-def references(
-    source: str = typer.Argument("builtin:bunny", metavar="SCENE", help="A scene file or builtin:NAME."),
-    light: list[str] = typer.Option(["sky", "studio"], help="sky, studio or a map, turned at random; repeatable."),
-    count: int = typer.Option(24, help="Pictures."),
-    order: int = typer.Option(6, help="SH bands of the lights."),
-    size: int = typer.Option(128, help="Pixels a side."),
-    samples: int = typer.Option(256, help="Paths per pixel."),
-    bounces: int = typer.Option(6, help="Interreflections."),
-    seed: int = typer.Option(0, help="Of views, turns and paths."),
-    output: Path = typer.Option(Path("references"), "-o", "--output", help="The folder."),
-) -> None:
-    from diffprt.study.optimize_references import mitsuba_references
-
-    check_output(output, directory=True)
-    made = mitsuba_references(
-        source,
-        light,
-        count,
-        order=order,
-        size=size,
-        samples=samples,
-        bounces=bounces,
-        seed=seed,
-        say=lambda text: print(text, file=sys.stderr, flush=True),
-    )
-    save_references(made, output)
-    print(f"{output}: {count} pictures by Mitsuba")
-
-
-def unseen(
-    source: str = typer.Argument("builtin:bunny", metavar="SCENE", help="The scene of the references."),
-    folder: Path = typer.Option(..., "--references", help="A folder made by 'diffprt study references'."),
-    size: str = typer.Option("64x8", help="CLUSTERSxCOMPONENTS."),
-    rays: int = typer.Option(1024, help="Rays per receiver."),
-    steps: int = typer.Option(100, help="Of training."),
-    output: Path = typer.Option(Path("out/unseen"), "-o", "--output", help="The folder for the sheet."),
-    json_file: Path = JsonFile,
-) -> None:
-    from diffprt.study.optimize_unseen import unseen_study
-
-    check_output(output, directory=True)
-    made = load_references(folder)
-    clusters, components = _clusters_and_components(size)
-    options = {"clusters": clusters, "components": components, "order": made.order, "rays": rays, "steps": steps}
-    report = unseen_study(source, made, output, **options)
-    write_report(json_file, "study unseen", report)
-    before, after = (100 * report["errors"][name] for name in ("before", "after"))
-    print(f"error of held-out pictures: {before:.2f} % before, {after:.2f} % after")
-    print(f"picture: {report['files']['sheet']}")
-
-
-def _clusters_and_components(text: str) -> tuple[int, int]:
-    try:
-        clusters, components = (int(part) for part in text.split("x"))
-    except ValueError:
-        raise InputError(f"size is '{text}': give CLUSTERSxCOMPONENTS such as 64x8") from None
-    return clusters, components
-
-
-def _print(report: dict) -> None:
+def print_optimization(report: dict) -> None:
     columns = ["method", "clusters", "P", "weights", "bases", "bytes", "overdraw", "error"]
     groups: dict[tuple, list[dict]] = {}
     for row in report["rows"]:

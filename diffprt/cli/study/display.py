@@ -1,0 +1,76 @@
+"""What a frame costs in a browser: clusters in one pass and in several, and uncompressed transfer."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import typer
+
+from diffprt.cli.report import JsonFile, check_output, print_table, say, size_text, write_report
+
+
+def run(
+    source: str = typer.Argument("builtin:bunny", metavar="SCENE", help="A scene file or builtin:NAME."),
+    clusters: int = typer.Option(64, help="Clusters."),
+    components: int = typer.Option(8, help="Components per cluster."),
+    registers: int = typer.Option(256, help="float4 uniforms of a pass."),
+    order: int = typer.Option(6, help="SH bands."),
+    rays: int = typer.Option(256, help="Rays per receiver."),
+    size: int = typer.Option(512, help="Pixels a side."),
+    frames: int = typer.Option(12, help="Frames that are timed in a round."),
+    rounds: int = typer.Option(5, help="In which all take turns."),
+    pictures: Path = typer.Option(None, help="Only takes pictures of the page, into this folder."),
+    json_file: Path = JsonFile,
+) -> None:
+    from diffprt.study.display import display_study
+    from diffprt.study.display_pictures import display_pictures
+
+    if pictures is not None:
+        check_output(pictures, directory=True)
+        sizes = {"clusters": clusters, "components": components, "registers": registers, "order": order, "rays": rays}
+        made = display_pictures(source, pictures, **sizes, say=say)
+        write_report(json_file, "study display", {"settings": sizes, "outputs": [str(path) for path in made]})
+        print(f"{pictures}: {len(made)} pictures")
+        return
+    report = display_study(
+        source,
+        clusters=clusters,
+        components=components,
+        registers=registers,
+        order=order,
+        rays=rays,
+        size=size,
+        frames=frames,
+        rounds=rounds,
+        say=say,
+    )
+    write_report(json_file, "study display", report)
+    print_display(report)
+
+
+def print_display(report: dict) -> None:
+    """The rows of `display_study` and what they come to."""
+    settings, counts = report["settings"], report["counts"]
+    rows = [
+        [
+            row["way"],
+            *(
+                f"{row[key]['median']:.1f} ({row[key]['low']:.1f}-{row[key]['high']:.1f})"
+                for key in ("still_ms", "turning_ms")
+            ),
+            f"{row['triangles_drawn']:,}",
+            f"{row['light_products']:,}",
+            size_text(row["signal_bytes"]),
+        ]
+        for row in report["rows"]
+    ]
+    columns = ["way", "still, ms", "light turning, ms", "triangles drawn", "products per light", "signal"]
+    print_table(
+        f"A frame of {settings['size']} x {settings['size']} pixels, {counts['triangles']:,} triangles, "
+        f"{settings['clusters']} clusters x {settings['components']} components, software rendering",
+        columns,
+        rows,
+    )
+    print(f"{counts['passes']} passes of {settings['registers']} registers, overdraw {counts['overdraw']:.3f}")
+    for name, ratio in report["ratios"].items():
+        print(f"{name}: {ratio['still']['median']:.2f} of one pass at rest, {ratio['turning']['median']:.2f} turning")

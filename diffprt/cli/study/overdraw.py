@@ -1,0 +1,159 @@
+"""The 2005 thesis's tables 5.1 to 5.17 for any mesh: squared error and overdraw, its methods and ours."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import typer
+
+from diffprt.cli.report import JsonFile, check_output, print_table, say, size_text, write_report
+from diffprt.study.thesis_tables import thesis_table
+
+
+def run(
+    source: list[str] = typer.Argument(
+        None, metavar="[SCENE]...", help="Scene files or builtin:NAME.  [default: builtin:bunny]"
+    ),
+    brdf: list[str] = typer.Option(
+        ["phong:exponent=16", "cook-torrance:roughness=0.3"],
+        help="NAME:parameter=value,...; diffuse for diffuse transfer; shadow for matrices without BRDF; repeatable.",
+    ),
+    clusters: list[int] = typer.Option([256, 64, 128, 192], help="Clusters; may be repeated."),
+    method: list[str] = typer.Option(
+        None,
+        help="NAME[=COHERENCE][~SLACK][@REGISTERS], NAME as in compress, faiss or position-only; repeatable.  "
+        "[default: all that count]",
+    ),
+    components: int = typer.Option(8, help="Components per cluster."),
+    registers: list[int] = typer.Option([256, 1024, 4096], help="float4 registers of a pass; may be repeated."),
+    light: list[str] = typer.Option(["sky", "studio"], help="Of the image error: sky, studio or a map; repeatable."),
+    order: int = typer.Option(6, help="SH bands."),
+    rays: int = typer.Option(1024, help="Rays per receiver."),
+    bounces: int = typer.Option(0, help="Interreflections."),
+    channels: int = typer.Option(None, help="1 or 3.  [default: as many as the BRDF has]"),
+    seed: int = typer.Option(0, help="Of rays and starts."),
+    seeds: int = typer.Option(3, help="Starts of original CPCA."),
+    minutes: float = typer.Option(None, help="Begin no row after these; repeat the command to go on."),
+    output: Path = typer.Option(Path("out/overdraw"), "-o", "--output", help="The folder; its rows are kept."),
+    json_file: Path = JsonFile,
+) -> None:
+    from diffprt.study.overdraw import overdraw_study
+    from diffprt.study.overdraw_methods import DEFAULT
+
+    check_output(output, directory=True)
+    report = overdraw_study(
+        source or ["builtin:bunny"],
+        output,
+        brdfs=brdf,
+        clusters=clusters,
+        methods=method or DEFAULT,
+        components=components,
+        budgets=registers,
+        lights=light,
+        order=order,
+        rays=rays,
+        bounces=bounces,
+        channels=channels,
+        seed=seed,
+        seeds=seeds,
+        minutes=minutes,
+        say=say,
+    )
+    write_report(json_file, "study overdraw", report)
+    print_overdraw(report)
+
+
+def print_overdraw(report: dict) -> None:
+    """The tables of `overdraw_study`, each beside the thesis's own, with verdicts and trends below."""
+    for note in report["notes"]:
+        print(f"note: {note}")
+    verdicts = {_signal_of(verdict): verdict for verdict in report["summary"]["groups"]}
+    groups: dict[tuple, list[dict]] = {}
+    for row in report["rows"]:
+        groups.setdefault(_signal_of(row), []).append(row)
+    for key in sorted(groups):
+        _print_overdraw_rows(groups[key])
+        if key in verdicts:
+            _print_overdraw_verdict(verdicts[key])
+    for budget, found in report["summary"]["met"].items():
+        if found["of"]:
+            alone = "clusters alone" if budget == "clusters" else f"{budget} registers"
+            print(f"less error and less overdraw with {alone}: on {found['better']} of {found['of']} signals")
+    for path in [*report["files"]["charts"], *report["files"]["pictures"]]:
+        print(f"picture: {path}")
+
+
+def _signal_of(row: dict) -> tuple:
+    return tuple(row[name] for name in ("scene", "brdf", "channels", "clusters", "components"))
+
+
+def _print_overdraw_rows(rows: list[dict]) -> None:
+    some = rows[0]
+    budgets = sorted((b for b, found in some["super_clusters"].items() if found is not None), key=int)
+    least = min((row["squared_error"] for row in rows if row["method"] == "lbg"), default=None)
+    names = [row["method"] + (f" #{row['seed']}" if row["seed"] else "") for row in rows]
+    table = [
+        [
+            name,
+            f"{row['cpu_seconds']:.0f}",
+            f"{row['overdraw']:.3f}",
+            f"{row['squared_error']:.4g}",
+            f"{row['squared_error'] / least:.3f}" if least else "-",
+            "-" if row["image_error"] is None else f"{100 * row['image_error']:.2f} %",
+            size_text(row["bytes"]),
+        ]
+        for name, row in zip(names, rows, strict=True)
+    ]
+    printed = thesis_table(some["scene"], some["brdf"], some["clusters"])
+    for line in printed.rows if printed else ():
+        share = line.squared_error / printed.rows[0].squared_error
+        cells = [f"{line.seconds}", f"{line.overdraw:.3f}", f"{line.squared_error:.4g}", f"{share:.3f}", "-", "-"]
+        table.append([f"thesis: {line.method}", *cells])
+    channels = ", RGB" if some["channels"] == 3 else ""
+    beside = f", beside the thesis's table 5.{printed.number}" if printed else ""
+    columns = ["method", "CPU s", "overdraw", "error", "over original", "image", "bytes"]
+    print_table(f"{some['scene']}, {some['brdf']}{channels}, {some['clusters']} clusters{beside}", columns, table)
+    table = [
+        [name, *(f"{row['super_clusters'][b][way]['overdraw']:.3f}" for b in budgets for way in ("greedy", "search"))]
+        for name, row in zip(names, rows, strict=True)
+    ]
+    passes = ", ".join(f"{some['super_clusters'][b]['search']['passes']} at {b}" for b in budgets)
+    columns = ["method", *(name for b in budgets for name in (b, "search"))]
+    print_table(f"Overdraw of super-clusters by figure 4.6 and by search; passes: {passes} registers", columns, table)
+
+
+def _print_overdraw_verdict(verdict: dict) -> None:
+    fair = verdict["fair"]
+    if fair["ratio"] is not None:
+        word = "fair" if fair["fair"] else "not fair"
+        print(f"original: worst of {fair['starts']} starts has {fair['ratio']:.4f} times the energy of faiss, {word}")
+    for budget, best in verdict["best"].items():
+        if best["better"] is None:
+            continue
+        alone = "clusters alone" if budget == "clusters" else f"{budget} registers"
+        thesis = f"thesis's least {best['thesis_overdraw']:.3f} ({best['thesis_method']})"
+        ours = "none of ours has less error"
+        if "method" in best:
+            ours = f"ours {best['overdraw']:.3f} ({best['method']}, error x {best['squared_error_ratio']:.3f})"
+        print(f"{alone}: {thesis}, {ours}: {'better' if best['better'] else 'not better'}")
+    for floor in verdict["floors"]:
+        print(
+            f"prototype's floor at {floor['floor']['squared_error_ratio']:.2f} of the original's error: "
+            f"{floor['method']} has {floor['squared_error']:.3f} times its error, {floor['overdraw']:.3f} times its "
+            f"overdraw: {'beaten' if floor['beaten'] else 'not beaten'}"
+        )
+    target = verdict["target"]
+    if target is not None and target["overdraw"] is not None:
+        print(f"overdraw at 256 registers {target['overdraw']:.3f}, wanted at most {target['wanted']:g}")
+    for step in verdict["thesis"]["steps"]:
+        here = f"overdraw {_change(step['overdraw'])}, error {_change(step['squared_error'])}"
+        printed = ""
+        if step["thesis_overdraw"] is not None:
+            there = f"{_change(step['thesis_overdraw'])}, {_change(step['thesis_squared_error'])}"
+            printed = f" (thesis, table {verdict['thesis']['table']}: {there})"
+        print(f"{step['step']}: {here}{printed}")
+    print()
+
+
+def _change(ratio: float) -> str:
+    return f"{100 * (ratio - 1):+.1f} %"

@@ -1,0 +1,56 @@
+"""Render against a Mitsuba path trace of the same scene under the same light."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import typer
+
+from diffprt.brdf import parse_brdf
+from diffprt.cli.inputs import parse_color
+from diffprt.cli.report import JsonFile, check_output, print_table, write_report
+
+
+def run(
+    source: str = typer.Argument("builtin:bunny", metavar="SCENE", help="A scene file or builtin:NAME."),
+    light: list[str] = typer.Option(["sky", "studio"], help="sky, studio or a map; may be repeated."),
+    output: Path = typer.Option(Path("out/reference"), "-o", "--output", help="The folder for pictures."),
+    order: int = typer.Option(6, help="SH bands."),
+    rays: int = typer.Option(4096, help="Rays per receiver."),
+    bounces: int = typer.Option(6, help="Interreflections."),
+    size: int = typer.Option(256, help="Pixels a side."),
+    samples: int = typer.Option(1024, help="Mitsuba's samples per pixel, in each of two halves."),
+    albedo: str = typer.Option(None, help="Replaces every albedo: 0.8 or r,g,b."),
+    brdf: list[str] = typer.Option([], help="Makes surfaces glossy, as in 'diffprt bake'; may be repeated."),
+    order_out: int = typer.Option(None, help="With --brdf: SH bands of exit radiance; --order by default."),
+    up: str = typer.Option(None, help="The axis of the file that points up; y by default."),
+    json_file: Path = JsonFile,
+) -> None:
+    from diffprt.study.reference import reference_study
+
+    color = None if albedo is None else parse_color(albedo, "albedo")
+    check_output(output, directory=True)
+    report = reference_study(
+        source,
+        light,
+        output,
+        order=order,
+        rays=rays,
+        bounces=bounces,
+        size=size,
+        samples=samples,
+        albedo=color,
+        brdf=[parse_brdf(text) for text in brdf],
+        order_out=order_out,
+        up=up,
+    )
+    for note in report["notes"]:
+        print(f"note: {note}")
+    shares = ("relative_rmse", "resolution", "noise", "difference")
+    rows = [
+        [r["light"], *(f"{100 * r[key]:.2f} %" for key in shares), f"{r['mean_ratio']:.4f}"] for r in report["rows"]
+    ]
+    columns = ["light", "error", "resolved to", "noise", "difference", "mean ratio"]
+    print_table(f"{source} against Mitsuba (error: difference less noise)", columns, rows)
+    print(f"pictures: {output}")
+    write_report(json_file, "study reference", report)

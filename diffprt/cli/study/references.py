@@ -1,0 +1,39 @@
+"""Reference pictures path-traced by Mitsuba, for 'diffprt optimize --references'."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import typer
+
+from diffprt.cli.report import check_output, say
+from diffprt.optimize import save_references
+
+
+def run(
+    source: str = typer.Argument("builtin:bunny", metavar="SCENE", help="A scene file or builtin:NAME."),
+    light: list[str] = typer.Option(["sky", "studio"], help="sky, studio or a map, turned at random; repeatable."),
+    count: int = typer.Option(24, help="Pictures."),
+    order: int = typer.Option(6, help="SH bands of the lights."),
+    size: int = typer.Option(128, help="Pixels a side."),
+    samples: int = typer.Option(256, help="Paths per pixel."),
+    bounces: int = typer.Option(6, help="Interreflections."),
+    seed: int = typer.Option(0, help="Of views, turns and paths."),
+    output: Path = typer.Option(Path("references"), "-o", "--output", help="The folder."),
+) -> None:
+    from diffprt.study.optimize_references import mitsuba_references
+
+    check_output(output, directory=True)
+    made = mitsuba_references(
+        source,
+        light,
+        count,
+        order=order,
+        size=size,
+        samples=samples,
+        bounces=bounces,
+        seed=seed,
+        say=say,
+    )
+    save_references(made, output)
+    print(f"{output}: {count} pictures by Mitsuba")

@@ -1,0 +1,77 @@
+"""Whether --tolerance delivers, and at which cost against the best fixed number of rays."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import typer
+
+from diffprt.cli.report import JsonFile, check_output, print_table, say, write_report
+from diffprt.scene import BUILTIN_SCENES
+
+
+def run(
+    source: list[str] = typer.Argument(
+        None, metavar="[SCENE]...", help="Scene files or builtin:NAME.  [default: every built-in scene]"
+    ),
+    data: Path = typer.Option(None, help="A folder whose meshes are added."),
+    random: int = typer.Option(12, help="Random scenes that are added."),
+    tolerance: list[float] = typer.Option([0.03, 0.01], help="Relative errors asked for; may be repeated."),
+    bounces: list[int] = typer.Option([0, 2], help="Diffuse interreflections; may be repeated."),
+    order: int = typer.Option(6, help="SH bands."),
+    seed: int = typer.Option(0, help="Of bakes, and of the first random scene."),
+    truth_rays: int = typer.Option(20_000_000, help="Most rays of a truth; fewer receivers are compared beyond it."),
+    output: Path = typer.Option(Path("out/tolerance"), "-o", "--output", help="The folder for rows and chart."),
+    json_file: Path = JsonFile,
+) -> None:
+    from diffprt.study.tolerance import tolerance_study
+
+    check_output(output, directory=True)
+    report = tolerance_study(
+        source or [f"builtin:{name}" for name in BUILTIN_SCENES],
+        output,
+        data=data,
+        random=random,
+        tolerances=tolerance,
+        bounces=bounces,
+        order=order,
+        seed=seed,
+        truth_rays=truth_rays,
+        say=say,
+    )
+    write_report(json_file, "study tolerance", report)
+    print_tolerance(report)
+
+
+def print_tolerance(report: dict) -> None:
+    """The table of `tolerance_study`, and what it sums up to."""
+    for note in report["notes"]:
+        print(f"note: {note}")
+    shares = ("tolerance", "error", "estimated_error")
+    rows = [
+        [
+            row["scene"],
+            str(row["bounces"]),
+            *(f"{100 * row[name]:.2f} %" for name in shares),
+            str(row["rays"]),
+            f"{row['best_rays']:.0f}",
+            f"{row['cost']:.2f}",
+            str(round(row["truth_share"] * row["receivers"])),
+        ]
+        for row in report["rows"]
+    ]
+    columns = ["scene", "bounces", "asked", "error", "estimate", "rays", "best", "cost", "compared"]
+    print_table(
+        "Tolerances asked, errors measured at the receivers compared; cost: rays with trials over best", columns, rows
+    )
+    found = report["summary"]
+    print(
+        f"met: {100 * found['share_met']:.1f} % of {found['runs']} runs; cost over the best fixed rays: median "
+        f"{found['median_cost']:.2f}, 95th percentile {found['cost_95']:.2f}"
+    )
+    for name, honest in found["estimates"].items():
+        print(
+            f"{name}: at least the measured error in {100 * honest['share_at_least_measured']:.1f} % of runs, "
+            f"median {honest['median_ratio']:.2f} times it"
+        )
+    print(f"chart: {report['files']['chart']}")
