@@ -38,7 +38,13 @@ def light(
 
     _check_ending(output, ".exr")
     begun = time.perf_counter()
-    found = recover_light(assets.load(source), load_references(references), order=order)
+    pictures = load_references(references)
+    if any(not torch.equal(entry.light, pictures.entries[0].light) for entry in pictures):
+        raise InputError(
+            f"references {references} were made under several lights: give pictures of one, such as those of "
+            "'diffprt render ASSET --reference-set 8 --lights sky --no-turn', or recover them by 'invert joint'"
+        )
+    found = recover_light(assets.load(source), pictures, order=order)
     write_map(check_output(output), found.light)
     print_light(found)
     print(f"{output}: {2 * _MAP_ROWS} x {_MAP_ROWS}")

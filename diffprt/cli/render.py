@@ -36,13 +36,15 @@ def run(
         None, help="Write this many pictures, each of a random view and light, with references.json, to the folder -o."
     ),
     lights: str = typer.Option(
-        "sky,studio", help="With --reference-set: lights and maps, separated by commas, each turned at random."
+        "sky,studio", help="With --reference-set: lights and maps, separated by commas, taken in turn."
     ),
+    turn: bool = typer.Option(True, help="With --reference-set: turn every picture's light at random."),
     seed: int = typer.Option(0, help="With --reference-set: of views and turns."),
     json_file: Path = JsonFile,
 ) -> None:
     if reference_set is not None:
-        return _reference_set(source, lights.split(","), output, reference_set, size, window, samples, seed, json_file)
+        names = lights.split(",")
+        return _reference_set(source, names, output, reference_set, size, window, samples, turn, seed, json_file)
     if output.suffix.lower() not in (".png", ".exr"):
         raise InputError(f"output {output} has ending '{output.suffix}': give a .png or .exr file")
     behind = background if background == "light" else parse_color(background, "background")
@@ -94,6 +96,7 @@ def _reference_set(
     size: str,
     window: str,
     samples: int,
+    turn: bool,
     seed: int,
     json_file: Path | None,
 ) -> None:
@@ -106,10 +109,17 @@ def _reference_set(
     projected = [load_light(light.strip(), asset.order, window=window) for light in lights]
     check_output(folder, directory=True)
     references = make_references(
-        asset, projected, count, width=width, height=height, samples=samples, seed=seed, track=track
+        asset, projected, count, width=width, height=height, samples=samples, turn=turn, seed=seed, track=track
     )
     save_references(references, folder)
     print(f"{folder}: {count} pictures of {width} x {height}, lights {', '.join(lights)}")
-    settings = {"lights": lights, "window": window, "samples": samples, "size": [width, height], "seed": seed}
+    settings = {
+        "lights": lights,
+        "window": window,
+        "samples": samples,
+        "size": [width, height],
+        "turn": turn,
+        "seed": seed,
+    }
     report = {"settings": settings, "timings": {"total": time.perf_counter() - begun}, "counts": {"pictures": count}}
     write_report(json_file, "render", report | {"outputs": {"references": str(folder)}})

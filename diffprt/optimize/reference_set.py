@@ -67,6 +67,7 @@ def make_references(
     width: int = 128,
     height: int = 128,
     samples: int = 1,
+    turn: bool = True,
     seed: int = 0,
     track: Callable[[str, int], AbstractContextManager[Callable[[], None]]] | None = None,
 ) -> References:
@@ -74,7 +75,8 @@ def make_references(
 
     Args:
         asset: uncompressed transfer; what a compressed asset of the same scene should look like.
-        lights: of the asset's order, taken in turn, each turned at random.
+        lights: of the asset's order, taken in turn.
+        turn: whether each is turned at random; else one light given is that of all pictures.
         count: at least 1.
         width, height: of the pictures [pixels].
         samples: samples a side of each pixel.
@@ -89,9 +91,11 @@ def make_references(
     if not 1 <= count <= 100_000:
         raise InputError(f"reference set has {count} pictures: give 1 to 100000")
     cameras = random_cameras(asset.receivers, count, width=width, height=height, seed=seed)
+    turned = random_lights(lights, count, seed=seed)
+    shown = turned if turn else [lights[i % len(lights)] for i in range(count)]
     entries = []
     with (track or (lambda text, total: nullcontext(lambda: None)))("rendering references", count) as advance:
-        for camera, light in zip(cameras, random_lights(lights, count, seed=seed), strict=True):
+        for camera, light in zip(cameras, shown, strict=True):
             image = render(asset, light, camera, samples=samples).detach().float()
             entries.append(Reference(image, camera, light.coefficients.detach().float()))
             advance()

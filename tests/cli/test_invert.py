@@ -86,6 +86,7 @@ def test_mistakes_are_one_line(folder, capsys):
         (("light", folder / "asset.prt", "--references", folder / "plain", "-o", "x.png"), "give a .exr file"),
         (("light", folder / "asset.prt", "--references", folder / "none"), "has no references.json"),
         (("light", folder / "asset.prt", "--references", broken), "not finite"),
+        (("light", folder / "asset.prt", "--references", folder / "painted"), "several lights"),
         (("joint", folder / "asset.prt", "--references", folder / "plain"), "one light and an albedo"),
     ]
     for arguments, message in cases:
