@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +14,7 @@ import torch
 from diffprt.compress import ClusteredGlossyTransfer, ClusteredTransfer, storage
 from diffprt.errors import InputError
 from diffprt.transfer import GlossyTransfer, Receivers, Transfer
+from diffprt.whole_file import write_whole
 
 VERSION = 1
 CONVENTIONS = {
@@ -146,15 +146,7 @@ def save(asset: Asset, path: str | Path) -> int:
         {key: tensor.detach().cpu().contiguous() for key, tensor in tensors.items()},
         metadata={_KEY: json.dumps(header, sort_keys=True)},
     )
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
-    try:
-        partial.write_bytes(data)
-        partial.replace(path)
-    except OSError as error:
-        partial.unlink(missing_ok=True)
-        raise InputError(
-            f"asset {path} cannot be written ({error.strerror}): choose a folder that you may write"
-        ) from error
+    write_whole(path, data, "asset")
     return len(data)
 
 

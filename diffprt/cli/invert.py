@@ -37,6 +37,7 @@ def light(
     from diffprt.optimize.inverse import recover_light
 
     _check_ending(output, ".exr")
+    check_output(output)
     begun = time.perf_counter()
     pictures = load_references(references)
     if any(not torch.equal(entry.light, pictures.entries[0].light) for entry in pictures):
@@ -45,7 +46,7 @@ def light(
             "'diffprt render ASSET --reference-set 8 --lights sky --no-turn', or recover them by 'invert joint'"
         )
     found = recover_light(assets.load(source), pictures, order=order)
-    write_map(check_output(output), found.light)
+    write_map(output, found.light)
     print_light(found)
     print(f"{output}: {2 * _MAP_ROWS} x {_MAP_ROWS}")
     _report(json_file, "light", source, references, begun, {"light": found.as_dict()}, output)
@@ -64,10 +65,11 @@ def albedo(
     from diffprt.optimize.inverse import recover_albedo
 
     _check_ending(output, ".prt")
+    check_output(output)
     begun = time.perf_counter()
     asset = assets.load(source)
     found = recover_albedo(asset, load_references(references), noise=noise, variation=variation)
-    assets.save(with_albedo(asset, found.albedo), check_output(output))
+    assets.save(with_albedo(asset, found.albedo), output)
     print_albedo(found)
     print(output)
     _report(json_file, "albedo", source, references, begun, {"albedo": found.as_dict()}, output)
@@ -87,13 +89,14 @@ def joint(
     from diffprt.optimize.inverse import recover_light_and_albedo
 
     _check_ending(output, ".prt")
+    check_output(output)
     begun = time.perf_counter()
     asset, pictures = assets.load(source), load_references(references)
     kinds: dict[bytes, int] = {}
     lit_by = [kinds.setdefault(entry.light.numpy().tobytes(), len(kinds)) for entry in pictures]
     mean = torch.tensor(parse_color(mean_albedo, "mean-albedo"))
     found = recover_light_and_albedo(asset, pictures, lit_by=lit_by, mean_albedo=mean, noise=noise, variation=variation)
-    assets.save(with_albedo(asset, found.albedo.albedo), check_output(output))
+    assets.save(with_albedo(asset, found.albedo.albedo), output)
     print_albedo(found.albedo)
     for index, estimate in enumerate(found.lights):
         file = output.with_name(f"{output.stem}_light{index}.exr")

@@ -16,6 +16,7 @@ from rich.table import Table
 
 from diffprt.errors import InputError
 from diffprt.kernels import default_threads
+from diffprt.whole_file import write_whole
 
 JsonFile = typer.Option(None, "--json", metavar="FILE", help="Write timings, counts, errors and settings here.")
 
@@ -47,9 +48,7 @@ def write_report(file: Path | None, command: str, report: dict) -> None:
         return
     check_output(file)
     content = {"command": command, "machine": machine(), **report}
-    partial = file.with_name(f".{file.name}.{os.getpid()}.partial")
-    partial.write_text(json.dumps(content, indent=2, sort_keys=True, default=str) + "\n")
-    partial.replace(file)
+    write_whole(file, f"{json.dumps(content, indent=2, sort_keys=True, default=str)}\n".encode(), "report")
 
 
 def machine() -> dict:

@@ -18,6 +18,7 @@ Unreal, `FSHVectorRGB3` (SHMath.h: SHBasisFunction, CalcDiffuseTransfer; glTF ax
 Unity, `SphericalHarmonicsL2` (manual, "Light Probes: technical information"; unity_SHAr is c3, c1, c2, c0 - c6 and
 unity_SHBr c4, c5, 3 c6, c7, the form of Sloan 2008, appendix A10; glTFast turns x around). Filament,
 `IndirectLight::Builder::irradiance(bands, sh)` (IndirectLight.h: sh = L A C / pi).
+Not checked in the engines themselves: Godot's scale is inferred from that shader, Unity's axes are from memory.
 """
 
 from __future__ import annotations

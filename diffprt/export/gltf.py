@@ -13,8 +13,8 @@ import numpy as np
 from diffprt.asset import CONVENTIONS
 from diffprt.errors import InputError
 from diffprt.export.representations import Exportable, Packed, floats, pack
-from diffprt.export.whole_file import write_whole
 from diffprt.scene import Light
+from diffprt.whole_file import make_folder, write_whole
 
 _FLOAT, _UNSIGNED_INT = 5126, 5125
 _ARRAY_BUFFER, _ELEMENT_ARRAY_BUFFER = 34962, 34963
@@ -60,6 +60,7 @@ def export_glb(
     if len(asset.receivers.faces) == 0:
         raise InputError("asset has no faces to draw: bake a mesh, or give its receivers faces")
     content = _glb(packed, asset, lights or {}, name)
+    make_folder(Path(path).parent)
     write_whole(Path(path), content, "file")
     return {"path": str(path), "bytes": len(content)}
 

@@ -7,10 +7,10 @@ from pathlib import Path
 
 from diffprt.export.page_content import page_content
 from diffprt.export.representations import Exportable
-from diffprt.export.whole_file import write_whole
 from diffprt.render.camera import Camera
 from diffprt.scene import Light
 from diffprt.transfer import GlossyTransfer, Transfer
+from diffprt.whole_file import make_folder, write_whole
 
 
 def export(
@@ -75,5 +75,6 @@ def export(
         uncompressed=uncompressed,
         before=before,
     )
+    make_folder(path.parent)
     write_whole(path, content, "page")
     return {"path": str(path), "bytes": len(content), "parts": parts, "left_out": list(left_out)}

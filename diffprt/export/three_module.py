@@ -8,7 +8,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from diffprt.export.shading import STAGES, shader_source
-from diffprt.export.whole_file import write_whole
+from diffprt.whole_file import make_folder, write_whole
 
 _PROGRAMS = ("diffuse", "clustered_diffuse", "glossy_exit", "clustered_glossy_exit", "glossy")
 
@@ -41,6 +41,7 @@ def write_three(directory: str | Path) -> list[Path]:
         InputError: the directory cannot be made or written.
     """
     folder = Path(directory)
+    make_folder(folder)
     example = (files("diffprt.export") / "three" / "example.html").read_text(encoding="utf-8")
     return [
         write_whole(folder / "prt.three.js", three_module().encode(), "module"),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from pathlib import Path
 
 import safetensors
@@ -12,6 +11,7 @@ import safetensors.torch
 import torch
 
 from diffprt.errors import InputError
+from diffprt.whole_file import write_whole
 
 _KEY = "diffprt optimize"
 _VERSION = 1
@@ -37,13 +37,7 @@ def write_checkpoint(path: Path, run: str, tensors: dict[str, torch.Tensor], pro
     """
     header = json.dumps({"version": _VERSION, "run": run, "progress": progress}, sort_keys=True)
     data = safetensors.torch.save({name: t.contiguous() for name, t in tensors.items()}, metadata={_KEY: header})
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
-    try:
-        partial.write_bytes(data)
-        partial.replace(path)
-    except OSError as error:
-        partial.unlink(missing_ok=True)
-        raise InputError(f"checkpoint {path} cannot be written ({error.strerror}): choose another folder") from error
+    write_whole(path, data, "checkpoint")
 
 
 def read_checkpoint(path: Path, run: str) -> tuple[dict[str, torch.Tensor], dict]:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import torch
 
 from diffprt import sh
+from diffprt.compress import GlossyAsset
 
 # Least eigenvalue of G kept, as a share of the largest: coordinates are divided by its root.
 _LEAST = 1e-3
@@ -36,7 +37,7 @@ class Metric:
     def of(asset, prior: torch.Tensor) -> Metric:
         """The metric for assets of this kind; `prior` [K] is the mean square of each light coefficient."""
         incoming = prior.to(torch.float32).sqrt()
-        if not hasattr(asset, "order_out"):
+        if not isinstance(asset, GlossyAsset):
             return Metric(incoming)
         index = torch.arange(_DIRECTIONS, dtype=torch.float64) + 0.5
         # A spiral of directions by falling height, evenly spread over cos dω.

@@ -62,7 +62,7 @@ def optimize(
 
     Args:
         asset: `Transfer`, `GlossyTransfer` or one that is clustered; stored formats are trained through
-            (straight-through), so that what is measured is what is saved.
+            (straight-through; weights in eight bits are rounded last), and what is measured is what is saved.
         references: pictures with camera and light, linear radiance.
         target: the uncompressed transfer, where it is at hand. A few pictures leave most of transfer open; with it the
             error to expect over all lights and views is known in closed form (`TransferLoss`).
@@ -206,7 +206,7 @@ def _start(asset, loss: TransferLoss | None, size: int | None):
     """The asset from which training starts: refitted, where it shall take `size` bytes."""
     if size is None:
         return asset
-    if not hasattr(asset, "bases"):
+    if not isinstance(asset, ClusteredSignal):
         raise InputError(f"bytes is of compressed transfer, this is a {type(asset).__name__}: compress it first")
     return fit_to_bytes(asset, _needed(loss, "bytes"), size)
 

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import torch
 
-from diffprt.compress import rounded
+from diffprt.compress import ClusteredSignal, GlossyAsset, rounded
 from diffprt.errors import InputError
 from diffprt.optimize.metric import Metric
 from diffprt.transfer import Transfer
@@ -60,7 +60,7 @@ class Parameters:
                 self._add(name, torch.zeros(()), error)
             elif name == "light":
                 self._add(name, lights, error * _size(lights))
-        if hasattr(asset, "bases"):
+        if isinstance(asset, ClusteredSignal):
             self._add_clusters(names, error)
 
     def _add_clusters(self, names: Sequence[str], error: float) -> None:
@@ -87,7 +87,7 @@ class Parameters:
         """The asset as it is now, bases in the format that they are stored in; gradients reach the leaves."""
         asset, leaves = self.start, self.leaves
         found = {name: self.metric.unscale(leaves[name]) for name in ("diffuse", "glossy") if name in leaves}
-        if hasattr(asset, "bases"):
+        if isinstance(asset, ClusteredSignal):
             means, bases, weights = asset.means, asset.bases, asset.weights
             if "means" in leaves:
                 means = self.metric.unscale(leaves["means"])
@@ -126,7 +126,7 @@ def check_names(asset, names: Sequence[str]) -> None:
     if missing:
         has = [name for name in PARAMETERS if hasattr(asset, name)] + ["exposure", "light"]
         raise InputError(f"a {type(asset).__name__} has no {', '.join(missing)}: use some of {', '.join(has)}")
-    if "albedo" in names and hasattr(asset, "order_out"):
+    if "albedo" in names and isinstance(asset, GlossyAsset):
         raise InputError("a glossy asset has its reflectance inside: leave albedo out of the parameters")
 
 
@@ -149,7 +149,7 @@ def trainable(asset) -> tuple[str, ...]:
     """The signal's parameters of an asset: what is trained without further notice."""
     if isinstance(asset, Transfer):
         return ("diffuse",)
-    return CLUSTERED if hasattr(asset, "bases") else ("glossy",)
+    return CLUSTERED if isinstance(asset, ClusteredSignal) else ("glossy",)
 
 
 def _spread(weights: torch.Tensor, labels: torch.Tensor, clusters: int) -> torch.Tensor:

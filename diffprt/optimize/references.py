@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -22,6 +21,7 @@ from diffprt.render import Camera
 from diffprt.scene.srgb import linear_from_srgb
 from diffprt.shade import srgb_encode
 from diffprt.transfer import Receivers
+from diffprt.whole_file import make_folder, write_whole
 
 VERSION = 1
 FILE = "references.json"
@@ -137,10 +137,7 @@ def save_references(references: References, folder: str | Path, *, format: str =
     if format not in ("exr", "png"):
         raise InputError(f"reference format '{format}' is unknown: use exr or png")
     folder = Path(folder)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"folder {folder} cannot be made ({error.strerror}): choose another") from error
+    make_folder(folder)
     rows = []
     for index, entry in enumerate(references):
         name = f"{index:04d}.{format}"
@@ -155,9 +152,7 @@ def save_references(references: References, folder: str | Path, *, format: str =
         "samples": references.samples,
         "references": rows,
     }
-    partial = folder / f".{FILE}.{os.getpid()}.partial"
-    partial.write_text(json.dumps(content, indent=1, sort_keys=True) + "\n", "utf-8")
-    partial.replace(folder / FILE)
+    write_whole(folder / FILE, f"{json.dumps(content, indent=1, sort_keys=True)}\n".encode(), "references")
 
 
 def load_references(folder: str | Path) -> References:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import torch
 
+from diffprt.compress import ClusteredSignal
 from diffprt.errors import InputError
 from diffprt.optimize.expected import ImageNorm
 from diffprt.optimize.metric import Metric
@@ -72,7 +73,7 @@ class TransferLoss:
 
     def scaled(self, asset) -> torch.Tensor:
         """The asset's rows [V, D] in the target's scale."""
-        if not hasattr(asset, "bases"):
+        if not isinstance(asset, ClusteredSignal):
             return self._compared(signal_of(asset))
         means, bases = self.metric.scale(asset.means), self.metric.scale(asset.bases)
         rows = decoded(means, bases, asset.weights, asset.labels)

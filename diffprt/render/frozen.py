@@ -148,7 +148,7 @@ def pixel_radiance(
             "freeze it again with FrozenView.of(asset.receivers, camera)"
         )
     part = in_sight(asset, frozen.seen)
-    if not hasattr(asset, "order_out"):
+    if not isinstance(asset, GlossyAsset):
         albedo = part.receivers.albedo if albedo is None else albedo[frozen.seen]
         return frozen.pixels(shade(part, light, albedo=albedo))
     if albedo is not None:

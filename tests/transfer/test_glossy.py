@@ -125,6 +125,7 @@ def test_shadowed_radiance_agrees_with_direct_integration(bumpy, brdf, error):
         weighted = cosine.sqrt()[:, None]
         errors.append(float(((found - truth) * weighted).norm() / (truth * weighted).norm()))
     assert errors[1] < error
+    # Near a half for both; 256 rays on one receiver in 29 leave some hundredths of it to the sample pattern.
     assert errors[1] < 0.6 * errors[0]
 
 

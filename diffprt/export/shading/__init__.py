@@ -10,7 +10,7 @@ from diffprt.export.shading.glsl import DesktopGlslPrinter, GlslEsPrinter
 from diffprt.export.shading.hlsl import HlslPrinter
 from diffprt.export.shading.printer import Printer
 from diffprt.export.shading.wgsl import WgslPrinter
-from diffprt.export.whole_file import write_whole
+from diffprt.whole_file import make_folder, write_whole
 
 LANGUAGES: dict[str, type[Printer]] = {
     "glsl-es": GlslEsPrinter,
@@ -63,6 +63,7 @@ def write_shaders(
             for stage in read_program(name).stages:
                 path = Path(directory) / language / f"{name}.{stage[:4]}{ending}"
                 text = shader_source(name, stage, language, sizes=sizes)
+                make_folder(path.parent)
                 written.append(write_whole(path, text.encode(), "shader"))
     return written
 

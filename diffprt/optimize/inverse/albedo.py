@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from diffprt.compress import ClusteredTransfer
+from diffprt.compress import ClusteredTransfer, GlossyAsset
 from diffprt.errors import InputError
 from diffprt.optimize.inverse.observations import Observation, Picture, observe
 from diffprt.optimize.inverse.surface_fit import SurfaceFit
@@ -143,7 +143,7 @@ def _unit_radiance(transfer, observation: Observation, light: torch.Tensor, chan
 
 
 def check_albedo_options(asset, groups: torch.Tensor | None, variation: float, noise: float) -> None:
-    if hasattr(asset, "order_out"):
+    if isinstance(asset, GlossyAsset):
         raise InputError("a glossy asset has its reflectance inside its transfer: recover the albedo of diffuse ones")
     for name, value in (("variation", variation), ("noise", noise)):
         if value is not None and not value > 0:
