@@ -2,45 +2,13 @@
 
 Bake how a scene transports light, compress it, shade and render it, export it to a browser; every step is
 usable alone and on plain tensors. Conventions are stated in `diffprt.sh`.
+
+Rooms are nouns and functions verbs, so that none hides the other; names are loaded when they are first asked for.
 """
 
 from importlib.metadata import version
 
-from diffprt.asset import load, save
-from diffprt.compress import ClusteredGlossyTransfer, ClusteredTransfer, compress
-from diffprt.errors import InputError
-from diffprt.export import export, show
-from diffprt.optimize import References, load_references, make_references, optimize, save_references
-from diffprt.render import Camera, render
-from diffprt.scene import Environment, Light, Scene
-from diffprt.shade import shade, tone_map
-from diffprt.transfer import Receivers, Transfer, bake, trace
+import lazy_loader
 
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 __version__ = version("diffprt")
-
-__all__ = [
-    "Camera",
-    "ClusteredGlossyTransfer",
-    "ClusteredTransfer",
-    "Environment",
-    "InputError",
-    "Light",
-    "Receivers",
-    "References",
-    "Scene",
-    "Transfer",
-    "bake",
-    "compress",
-    "export",
-    "load",
-    "load_references",
-    "make_references",
-    "optimize",
-    "render",
-    "save",
-    "save_references",
-    "shade",
-    "show",
-    "tone_map",
-    "trace",
-]

@@ -11,16 +11,17 @@ from pathlib import Path
 import torch
 from kornia.metrics import psnr
 
-from diffprt import asset as assets
-from diffprt.compress import compress
-from diffprt.export import export
-from diffprt.render import Camera, View, auto_exposure, render
-from diffprt.render.sheet import contact_sheet
-from diffprt.scene import Light, Scene, builtin_environment, builtin_scene
-from diffprt.shade import tone_map
+from diffprt.compression import compress
+from diffprt.exporters import export
+from diffprt.progress import Track, untracked
+from diffprt.rendering import auto_exposure, render
+from diffprt.rendering.sheet import contact_sheet
+from diffprt.representation import files as assets
+from diffprt.scene import Camera, Light, Scene, builtin_environment, builtin_scene
+from diffprt.shading import tone_map
+from diffprt.surface import View
 from diffprt.transfer import trace
-from diffprt.transfer.direct import open_transfer
-from diffprt.transfer.transport import Track, untracked
+from diffprt.transfer.diffuse.direct import open_transfer
 
 LIGHTS = ("sky", "studio")
 BUNNY_ALBEDO = (0.80, 0.62, 0.46)

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from typing import Protocol
 
-from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
+
+class Track(Protocol):
+    """A bar over `total` pieces of work, `done` of them finished: a context that yields what to call after each."""
+
+    def __call__(self, text: str, total: int, done: int = 0) -> AbstractContextManager[Callable[[], object]]: ...
+
+
+def untracked(text: str, total: int, done: int = 0) -> AbstractContextManager[Callable[[], object]]:
+    """No progress display."""
+    return nullcontext(lambda: None)
 
 
 @contextmanager
@@ -23,6 +26,16 @@ def track(text: str, total: int, done: int = 0) -> Iterator[Callable[[], None]]:
     if not sys.stderr.isatty():
         yield lambda: None
         return
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -42,5 +55,17 @@ def status(text: str) -> Iterator[None]:
     if not sys.stderr.isatty():
         yield
         return
+    from rich.console import Console
+
     with Console(stderr=True).status(text):
         yield
+
+
+@contextmanager
+def timed(timings: dict[str, float], stage: str) -> Iterator[None]:
+    """Adds the seconds that the block takes."""
+    begun = time.perf_counter()
+    try:
+        yield
+    finally:
+        timings[stage] = timings.get(stage, 0.0) + time.perf_counter() - begun

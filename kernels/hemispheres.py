@@ -16,7 +16,7 @@ _RAYS_PER_LAUNCH = 1 << 17
 
 
 class Pattern(Protocol):
-    """Directions of receivers, as `diffprt.transfer.sampling.Pattern` makes them."""
+    """Directions of receivers, as `diffprt.surface.sampling.Pattern` makes them."""
 
     spiral: torch.Tensor
     rotation: torch.Tensor

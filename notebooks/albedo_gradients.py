@@ -8,8 +8,8 @@ import matplotlib.pyplot as plt
 import torch
 
 from diffprt import Camera, shade, tone_map, trace
-from diffprt.render import View
 from diffprt.scene import builtin_environment, builtin_scene
+from diffprt.surface import View
 
 BOUNCES = 3
 

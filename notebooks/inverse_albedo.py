@@ -8,9 +8,9 @@ import matplotlib.pyplot as plt
 import torch
 
 from diffprt import Camera, render, shade, tone_map, trace
-from diffprt.optimize.inverse import recover_albedo
-from diffprt.render import View
+from diffprt.inverse import recover_albedo
 from diffprt.scene import builtin_environment, builtin_scene
+from diffprt.surface import View
 
 # %%
 bunny = builtin_scene("bunny", subdivisions=0)

@@ -9,7 +9,7 @@ import matplotlib.pyplot as plt
 import torch
 
 from diffprt import Camera, bake, render, sh, tone_map
-from diffprt.optimize.inverse import recover_light
+from diffprt.inverse import recover_light
 from diffprt.scene import builtin_environment, builtin_scene
 
 # %%

@@ -11,11 +11,11 @@ from pathlib import Path
 import pytest
 import typer.testing
 
-from diffprt.asset import load
 from diffprt.cli import app
-from diffprt.compress import compress
+from diffprt.compression import compress
 from diffprt.images import read_image
-from diffprt.plan import Plan, plan
+from diffprt.planning import Plan, plan
+from diffprt.representation.files import load
 from diffprt.scene import POLICY, builtin_scene
 from diffprt.transfer import bake
 
@@ -121,7 +121,7 @@ def test_names_in_the_docs_exist():
         for part in name.split("."):
             module = f"{module}.{part}".lstrip(".")
             try:
-                # Modules come first: `diffprt.optimize` is a room, and a function of the same name.
+                # Modules come first: `diffprt.optimization` is a room, and a function of the same name.
                 found = importlib.import_module(module)
             except ModuleNotFoundError:
                 found = getattr(found, part)

@@ -8,14 +8,14 @@ from pathlib import Path
 
 import typer
 
-from diffprt import asset as assets
 from diffprt.brdf import parse_brdf
 from diffprt.cli.glossy import bake_glossy_scene, refuse_with_brdf
 from diffprt.cli.inputs import load_light, load_scene, parse_bounces
 from diffprt.cli.report import JsonFile, check_output, print_table, size_text, write_report
 from diffprt.errors import InputError
-from diffprt.plan import plan
+from diffprt.planning import plan
 from diffprt.progress import status, track
+from diffprt.representation import files as assets
 from diffprt.transfer import (
     CONVERGED,
     OPERATORS,

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import typer
 
-from diffprt import asset as assets
 from diffprt.cli.report import JsonFile, check_output, size_text, write_report
-from diffprt.compress import FORMATS, METHODS, STARTS, ClusteredSignal, compress, light_prior
+from diffprt.compression import FORMATS, METHODS, STARTS, ClusteredSignal, compress, light_prior
 from diffprt.errors import InputError
 from diffprt.progress import status
+from diffprt.representation import files as assets
 from diffprt.scene import Environment
 
 

@@ -7,13 +7,15 @@ from pathlib import Path
 
 import typer
 
-from diffprt import asset as assets
 from diffprt.cli.inputs import load_light
 from diffprt.cli.report import JsonFile, check_output, size_text, write_report
 from diffprt.errors import InputError
-from diffprt.export import export, export_glb, pack, write_shaders, write_three
-from diffprt.render import Camera, View, auto_exposure, render
-from diffprt.scene import Light
+from diffprt.exporters import export, export_glb, pack, write_three
+from diffprt.exporters.shaders import write_shaders
+from diffprt.rendering import auto_exposure, render
+from diffprt.representation import files as assets
+from diffprt.scene import Camera, Light
+from diffprt.surface import View
 
 
 def run(

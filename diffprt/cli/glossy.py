@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from diffprt import asset as assets
 from diffprt.brdf import Brdf
 from diffprt.cli.report import check_output, print_table, size_text, write_report
 from diffprt.errors import InputError
 from diffprt.progress import status, track
+from diffprt.representation import files as assets
 from diffprt.scene import Scene
 from diffprt.transfer import (
     GlossyEstimate,

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import typer
 
-from diffprt.asset import read_header, read_tensor
 from diffprt.cli.report import JsonFile, print_table, size_text, write_report
+from diffprt.representation.files import read_header, read_tensor
 
 
 def run(

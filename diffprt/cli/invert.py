@@ -10,12 +10,12 @@ from pathlib import Path
 import torch
 import typer
 
-from diffprt import asset as assets
 from diffprt import sh
 from diffprt.cli.inputs import parse_color
 from diffprt.cli.report import JsonFile, check_output, print_table, write_report
 from diffprt.errors import InputError
 from diffprt.images import write_image
+from diffprt.representation import files as assets
 from diffprt.scene import Light
 
 app = typer.Typer(help=__doc__, no_args_is_help=True, rich_markup_mode=None)
@@ -33,8 +33,8 @@ def light(
     order: int = typer.Option(None, help="SH bands to find.  [default: the asset's]"),
     json_file: Path = JsonFile,
 ) -> None:
-    from diffprt.optimize import load_references
-    from diffprt.optimize.inverse import recover_light
+    from diffprt.inverse import recover_light
+    from diffprt.optimization import load_references
 
     _check_ending(output, ".exr")
     check_output(output)
@@ -61,8 +61,8 @@ def albedo(
     variation: float = typer.Option(0.05, help="By how much the albedos of neighbors are expected to differ."),
     json_file: Path = JsonFile,
 ) -> None:
-    from diffprt.optimize import load_references
-    from diffprt.optimize.inverse import recover_albedo
+    from diffprt.inverse import recover_albedo
+    from diffprt.optimization import load_references
 
     _check_ending(output, ".prt")
     check_output(output)
@@ -85,8 +85,8 @@ def joint(
     variation: float = typer.Option(0.05, help="By how much the albedos of neighbors are expected to differ."),
     json_file: Path = JsonFile,
 ) -> None:
-    from diffprt.optimize import load_references
-    from diffprt.optimize.inverse import recover_light_and_albedo
+    from diffprt.inverse import recover_light_and_albedo
+    from diffprt.optimization import load_references
 
     _check_ending(output, ".prt")
     check_output(output)

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import typer
 
-from diffprt import asset as assets
 from diffprt.cli.report import JsonFile, check_output, size_text, write_report
 from diffprt.errors import InputError
-from diffprt.optimize import IMAGE_LOSSES, PARAMETERS, load_references, optimize
+from diffprt.optimization import IMAGE_LOSSES, PARAMETERS, load_references, optimize
 from diffprt.progress import status, track
+from diffprt.representation import files as assets
 
 _UNITS = {"": 1, "KB": 10**3, "MB": 10**6, "GB": 10**9}
 

@@ -10,8 +10,8 @@ import typer
 
 from diffprt.cli.inputs import load_light, load_scene, parse_bounces
 from diffprt.cli.report import JsonFile, write_report
-from diffprt.plan import plan
-from diffprt.plan.decision import EFFECTS, value_text
+from diffprt.planning import plan
+from diffprt.planning.decision import EFFECTS, value_text
 from diffprt.progress import status
 
 

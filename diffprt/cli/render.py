@@ -7,15 +7,17 @@ from pathlib import Path
 
 import typer
 
-from diffprt import asset as assets
 from diffprt.cli.inputs import load_light, parse_color, parse_number, parse_size
 from diffprt.cli.report import JsonFile, check_output, write_report
 from diffprt.errors import InputError
 from diffprt.images import write_image
-from diffprt.optimize import make_references, save_references
+from diffprt.optimization import make_references, save_references
 from diffprt.progress import track
-from diffprt.render import Camera, View, auto_exposure, render
-from diffprt.shade import tone_map
+from diffprt.rendering import auto_exposure, render
+from diffprt.representation import files as assets
+from diffprt.scene import Camera
+from diffprt.shading import tone_map
+from diffprt.surface import View
 
 
 def run(

@@ -23,50 +23,6 @@ and Hanrahan, "An Efficient Representation for Irradiance Environment Maps" (SIG
 cosine. Each file names its own.
 """
 
-from diffprt.sh.basis import (
-    RecurrenceTables,
-    band_of_index,
-    basis,
-    check_order,
-    coefficient_count,
-    evaluate,
-    order_of_count,
-    recurrence_tables,
-)
-from diffprt.sh.extrema import sphere_minimum
-from diffprt.sh.maps import map_directions, project_map, render_map, row_weights
-from diffprt.sh.polygon import project_polygon
-from diffprt.sh.quadrature import fit_samples, project_function, sphere_quadrature
-from diffprt.sh.rotation import rotate, rotation_matrices, rotation_matrix
-from diffprt.sh.windows import WINDOWS, apply_window, window
-from diffprt.sh.zonal import cap, clamped_cosine, convolve, rotate_zonal
+import lazy_loader
 
-__all__ = [
-    "WINDOWS",
-    "RecurrenceTables",
-    "apply_window",
-    "band_of_index",
-    "basis",
-    "cap",
-    "check_order",
-    "clamped_cosine",
-    "coefficient_count",
-    "convolve",
-    "evaluate",
-    "fit_samples",
-    "map_directions",
-    "order_of_count",
-    "project_function",
-    "project_map",
-    "project_polygon",
-    "recurrence_tables",
-    "render_map",
-    "rotate",
-    "rotate_zonal",
-    "rotation_matrices",
-    "rotation_matrix",
-    "row_weights",
-    "sphere_minimum",
-    "sphere_quadrature",
-    "window",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -7,14 +7,14 @@ from pathlib import Path
 
 import torch
 
-from diffprt.compress import clusters_per_pass, encode, lbg, overdraw, squared_errors, super_clusters
-from diffprt.compress.methods import best_method
-from diffprt.compress.partition import canonical
-from diffprt.compress.span import principal_span
+from diffprt.compression import clusters_per_pass, encode, lbg, overdraw, squared_errors, super_clusters
+from diffprt.compression.clusters.partition import canonical
+from diffprt.compression.clusters.span import principal_span
+from diffprt.compression.methods.by_name import best_method
 from diffprt.errors import InputError
 from diffprt.scene import Scene, load_scene
-from diffprt.study.overdraw_methods import ORIGINAL, cluster_energy, faiss_labels, has_peer
-from diffprt.study.overdraw_signal import Signal, SignalSettings, load_signal
+from diffprt.study.overdraw.methods import ORIGINAL, cluster_energy, faiss_labels, has_peer
+from diffprt.study.overdraw.signal import Signal, SignalSettings, load_signal
 from diffprt.study.timing import Stopwatch, paired_ratio, spread
 
 Say = Callable[[str], None]

@@ -16,10 +16,10 @@ import torch
 
 from diffprt import sh
 from diffprt.errors import InputError
-from diffprt.optimize.inverse import recover_albedo, recover_light, recover_light_and_albedo
-from diffprt.render import Camera, render
-from diffprt.scene import Light, Scene, builtin_environment, builtin_scene, load_scene
-from diffprt.study.mitsuba_scene import mitsuba_scene, path_trace, start_mitsuba
+from diffprt.inverse import recover_albedo, recover_light, recover_light_and_albedo
+from diffprt.rendering import render
+from diffprt.scene import Camera, Light, Scene, builtin_environment, builtin_scene, load_scene
+from diffprt.study.mitsuba.scene import mitsuba_scene, path_trace, start_mitsuba
 from diffprt.transfer import Transport, trace
 
 # Makes a picture [H, W, 3] of a scene under a light from a camera.

@@ -5,8 +5,8 @@ import json
 import pytest
 import trimesh
 
-from diffprt.asset import load
 from diffprt.cli.main import main
+from diffprt.representation.files import load
 
 
 def run(*arguments: str) -> None:

@@ -11,9 +11,9 @@ import pytest
 import torch
 import trimesh
 
-from diffprt.asset import load, save
 from diffprt.cli import main
 from diffprt.images import read_image, write_image
+from diffprt.representation.files import load, save
 from diffprt.scene import builtin_scene
 
 

@@ -5,10 +5,10 @@ import json
 import pytest
 import torch
 
-from diffprt.asset import load
 from diffprt.cli import main
-from diffprt.compress import ClusteredGlossyTransfer
+from diffprt.compression import ClusteredGlossyTransfer
 from diffprt.images import read_image
+from diffprt.representation.files import load
 from diffprt.transfer import GlossyTransfer
 
 
@@ -120,7 +120,7 @@ def test_too_large_for_memory(tmp_path, capsys, monkeypatch):
 
 def test_interrupted_and_resumed(folder, tmp_path, capsys, monkeypatch):
     """Stopped in the bounce, as Ctrl-C does, and repeated: the bytes are those of a bake that was left alone."""
-    from diffprt.transfer.glossy_passes import GlossyPasses
+    from diffprt.transfer.glossy.passes import GlossyPasses
 
     bounce = GlossyPasses.bounce
 

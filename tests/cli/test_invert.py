@@ -5,12 +5,12 @@ import json
 import pytest
 import torch
 
-from diffprt.asset import load, save
 from diffprt.cli.main import main
 from diffprt.images import read_image, write_image
-from diffprt.optimize import Reference, References, save_references
-from diffprt.render import Camera, render
-from diffprt.scene import Environment, builtin_environment
+from diffprt.optimization import Reference, References, save_references
+from diffprt.rendering import render
+from diffprt.representation.files import load, save
+from diffprt.scene import Camera, Environment, builtin_environment
 from diffprt.transfer import Transfer
 
 

@@ -4,12 +4,12 @@ import json
 
 import pytest
 
-from diffprt.asset import load, save
 from diffprt.cli import main
 from diffprt.cli.optimize import parse_bytes
-from diffprt.compress import compress
+from diffprt.compression import compress
 from diffprt.errors import InputError
-from diffprt.optimize import load_references
+from diffprt.optimization import load_references
+from diffprt.representation.files import load, save
 
 
 def run(*arguments: object) -> int:

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from diffprt.cli import main
-from diffprt.plan import Plan
+from diffprt.planning import Plan
 
 
 def run(*arguments: object) -> int:

@@ -10,7 +10,7 @@ from diffprt.kernels.binary_tree import LEAF_TRIANGLES
 from diffprt.kernels.bvh import DEEPEST, Bvh
 from diffprt.kernels.launch import start
 from diffprt.scene import builtin_scene
-from diffprt.transfer.reference import closest_hits
+from diffprt.transfer.diffuse.reference import closest_hits
 
 
 def soup(count: int, generator: torch.Generator, size: float = 0.05) -> tuple[torch.Tensor, torch.Tensor]:

@@ -5,8 +5,8 @@ import torch
 from diffprt.kernels import TriangleMesh
 from diffprt.kernels.hemispheres import count_blocked
 from diffprt.scene import builtin_scene
-from diffprt.transfer.sampling import Pattern, hemisphere_directions
-from diffprt.transfer.surfaces import Surfaces
+from diffprt.surface.sampling import Pattern, hemisphere_directions
+from diffprt.surface.surfaces import Surfaces
 
 
 def test_where_a_wall_of_ten_thousand_ends(generator):

@@ -6,9 +6,9 @@ import torch
 
 from diffprt.kernels import TriangleMesh, run_chunks
 from diffprt.scene import builtin_scene
-from diffprt.transfer.reference import closest_hits
-from diffprt.transfer.sampling import Pattern, hemisphere_directions
-from diffprt.transfer.surfaces import Surfaces
+from diffprt.surface.sampling import Pattern, hemisphere_directions
+from diffprt.surface.surfaces import Surfaces
+from diffprt.transfer.diffuse.reference import closest_hits
 
 
 def random_rays(mesh: TriangleMesh, count: int, generator: torch.Generator) -> tuple[torch.Tensor, torch.Tensor]:

@@ -8,8 +8,8 @@ from diffprt.kernels import TriangleMesh
 from diffprt.kernels.hemispheres import HemisphereTracer, count_blocked
 from diffprt.kernels.reference import trace_reference
 from diffprt.scene import builtin_scene
-from diffprt.transfer.sampling import Pattern
-from diffprt.transfer.surfaces import Surfaces
+from diffprt.surface.sampling import Pattern
+from diffprt.surface.surfaces import Surfaces
 
 ORDER = 5
 

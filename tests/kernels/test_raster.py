@@ -4,9 +4,8 @@ import pytest
 import torch
 
 from diffprt.kernels.raster import rasterize
-from diffprt.render import Camera
-from diffprt.render.reference import rasterize_reference
-from diffprt.scene import builtin_scene
+from diffprt.rendering.reference import rasterize_reference
+from diffprt.scene import Camera, builtin_scene
 
 
 def clip_positions(positions: torch.Tensor, camera: Camera) -> torch.Tensor:

@@ -46,10 +46,11 @@ from diffprt import (
     trace,
 )
 from diffprt.brdf import GGX, CookTorrance, Lambert, ModifiedPhong, Phong
-from diffprt.compress import FORMATS, METHODS, light_prior
-from diffprt.export import export_glb, write_shaders, write_three
-from diffprt.plan import plan
-from diffprt.render import FrozenView, picture
+from diffprt.compression import FORMATS, METHODS, light_prior
+from diffprt.exporters import export_glb, write_three
+from diffprt.exporters.shaders import write_shaders
+from diffprt.planning import plan
+from diffprt.rendering import FrozenView, picture
 from diffprt.scene import Material, Mesh, builtin_environment, builtin_scene
 from diffprt.transfer import GlossyTransfer, bake_glossy
 

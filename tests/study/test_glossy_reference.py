@@ -5,9 +5,9 @@ import torch
 
 from diffprt.brdf import GGX, Conductor, CookTorrance, Lambert, ModifiedPhong, Phong, Schlick
 from diffprt.errors import InputError
-from diffprt.study import mitsuba_scene as peer_scene
-from diffprt.study.mitsuba_bsdf import mitsuba_bsdf
-from diffprt.study.reference import reference_study
+from diffprt.study.mitsuba import scene as peer_scene
+from diffprt.study.mitsuba.bsdf import mitsuba_bsdf
+from diffprt.study.reference.study import reference_study
 
 
 @pytest.fixture(scope="module")

@@ -3,13 +3,13 @@
 import pytest
 import torch
 
-from diffprt.compress import compress
+from diffprt.compression import compress
 from diffprt.errors import InputError
-from diffprt.render import Camera, FrozenView
-from diffprt.scene import builtin_environment
-from diffprt.study.gradient import compared, gradient_study
-from diffprt.study.gradient_mitsuba import MitsubaGradient
-from diffprt.study.gradient_steps import gradient_steps
+from diffprt.rendering import FrozenView
+from diffprt.scene import Camera, builtin_environment
+from diffprt.study.gradient.mitsuba import MitsubaGradient
+from diffprt.study.gradient.steps import gradient_steps
+from diffprt.study.gradient.study import compared, gradient_study
 
 
 def test_gradients_agree_with_mitsuba(bumpy, bumpy_transfer):

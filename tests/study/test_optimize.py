@@ -4,9 +4,9 @@ import json
 
 import pytest
 
-from diffprt.compress import compress
+from diffprt.compression import compress
 from diffprt.images import read_image
-from diffprt.study.optimize import (
+from diffprt.study.optimization.study import (
     CLOSED,
     CLOSED_SMALL,
     FITTED_SMALL,

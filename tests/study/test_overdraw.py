@@ -8,20 +8,19 @@ import pytest
 import torch
 
 from diffprt.cli import main
-from diffprt.compress import overdraw, squared_errors
-from diffprt.compress.encode import Encoded
+from diffprt.compression import overdraw, squared_errors
+from diffprt.compression.encode import Encoded
 from diffprt.errors import InputError
-from diffprt.render import Camera
-from diffprt.scene import builtin_environment, builtin_scene
-from diffprt.shade.glossy import shade_glossy
-from diffprt.study import overdraw as study
-from diffprt.study.overdraw import overdraw_study
-from diffprt.study.overdraw_image import HeldOut
-from diffprt.study.overdraw_methods import Method, cluster_energy
-from diffprt.study.overdraw_row import overdraw_row
-from diffprt.study.overdraw_signal import SignalSettings, load_signal
-from diffprt.study.overdraw_summary import summary
-from diffprt.study.thesis_tables import ORIGINAL, OURS, REDUCED, TABLES, thesis_table
+from diffprt.scene import Camera, builtin_environment, builtin_scene
+from diffprt.shading.glossy import shade_glossy
+from diffprt.study.overdraw import study
+from diffprt.study.overdraw.image import HeldOut
+from diffprt.study.overdraw.methods import Method, cluster_energy
+from diffprt.study.overdraw.row import overdraw_row
+from diffprt.study.overdraw.signal import SignalSettings, load_signal
+from diffprt.study.overdraw.study import overdraw_study
+from diffprt.study.overdraw.summary import summary
+from diffprt.study.overdraw.thesis_tables import ORIGINAL, OURS, REDUCED, TABLES, thesis_table
 from diffprt.transfer import GlossyTransfer
 
 QUICK = {

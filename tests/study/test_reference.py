@@ -10,11 +10,10 @@ import torch
 
 from diffprt import sh
 from diffprt.errors import InputError
-from diffprt.render import Camera
-from diffprt.scene import Light, Scene, builtin_environment, builtin_scene
-from diffprt.study import mitsuba_scene as peer_scene
-from diffprt.study.agreement import agreement, eroded
-from diffprt.study.reference import compare, receiver_pixels, reference_study
+from diffprt.scene import Camera, Light, Scene, builtin_environment, builtin_scene
+from diffprt.study.mitsuba import scene as peer_scene
+from diffprt.study.reference.agreement import agreement, eroded
+from diffprt.study.reference.study import compare, receiver_pixels, reference_study
 from diffprt.transfer import bake
 
 SIZE, BOUNCES = 64, 3

@@ -9,16 +9,17 @@ import torch
 from diffprt.errors import InputError
 from diffprt.kernels import TriangleMesh
 from diffprt.scene import builtin_scene
-from diffprt.study import peers, visibility
-from diffprt.study.brute_force import brute_force_hits, edge_clearance
-from diffprt.study.hemispheres import Hemispheres
-from diffprt.study.rate_chart import rate_chart
-from diffprt.study.structure import structure_row, subdivided
 from diffprt.study.timing import Stopwatch
-from diffprt.study.visibility import rate_row, visibility_study
-from diffprt.study.watertight import brute_force_agreement, escaped_rays, points_inside, winding_number
-from diffprt.transfer.reference import closest_hits
-from diffprt.transfer.surfaces import Surfaces
+from diffprt.study.visibility import peers
+from diffprt.study.visibility import study as visibility
+from diffprt.study.visibility.brute_force import brute_force_hits, edge_clearance
+from diffprt.study.visibility.hemispheres import Hemispheres
+from diffprt.study.visibility.rate_chart import rate_chart
+from diffprt.study.visibility.structure import structure_row, subdivided
+from diffprt.study.visibility.study import rate_row, visibility_study
+from diffprt.study.visibility.watertight import brute_force_agreement, escaped_rays, points_inside, winding_number
+from diffprt.surface.surfaces import Surfaces
+from diffprt.transfer.diffuse.reference import closest_hits
 
 ESCAPES = (
     "escaped_packets",
@@ -101,7 +102,7 @@ def test_without_peers_the_study_says_so(monkeypatch, tmp_path):
         raise InputError("nowhere to be found")
 
     monkeypatch.setattr(visibility, "_PEERS", {"embreex": missing, "mitsuba": missing})
-    monkeypatch.setattr("diffprt.study.structure.Embree", missing)
+    monkeypatch.setattr("diffprt.study.visibility.structure.Embree", missing)
     box = builtin_scene("closed_box", subdivisions=1)
     report = visibility_study(
         [box], tmp_path, rays=[33], runs=1, seconds=0.01, large=2000, test_rays=2000, brute_tests=1e6

@@ -8,9 +8,11 @@ import torch
 
 from diffprt.errors import InputError
 from diffprt.scene import Scene, builtin_scene
-from diffprt.shade import shade
-from diffprt.transfer import Receivers, StoredOperator, bake, interreflect, trace
-from diffprt.transfer.operator import OperatorRows, rows_from_hits
+from diffprt.shading import shade
+from diffprt.surface import Receivers, StoredOperator
+from diffprt.surface.operator import OperatorRows
+from diffprt.transfer import bake, interreflect, trace
+from diffprt.transfer.diffuse.interreflection import rows_from_hits
 
 UNIT = math.sqrt(4 * math.pi)
 

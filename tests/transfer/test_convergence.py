@@ -5,12 +5,13 @@ import math
 import pytest
 import torch
 
-from diffprt import asset
 from diffprt.errors import InputError
+from diffprt.representation import files as asset
 from diffprt.scene import builtin_scene
-from diffprt.shade import shade
-from diffprt.transfer import Receivers, StoredOperator, bake, converge, interreflect, trace
-from diffprt.transfer.operator import OperatorRows
+from diffprt.shading import shade
+from diffprt.surface import Receivers, StoredOperator
+from diffprt.surface.operator import OperatorRows
+from diffprt.transfer import bake, converge, interreflect, trace
 
 UNIT = math.sqrt(4 * math.pi)
 

@@ -8,10 +8,12 @@ import torch
 from diffprt import sh
 from diffprt.kernels import TriangleMesh
 from diffprt.scene import Scene, builtin_scene
-from diffprt.transfer import Receivers, Surfaces, bake
-from diffprt.transfer.direct import DirectTracer, direct_transfer, open_transfer
-from diffprt.transfer.reference import direct_transfer_and_gather
-from diffprt.transfer.sampling import Pattern, hemisphere_directions, tangent_frames
+from diffprt.surface import Receivers, Surfaces
+from diffprt.surface.frames import tangent_frames
+from diffprt.surface.sampling import Pattern, hemisphere_directions
+from diffprt.transfer import bake
+from diffprt.transfer.diffuse.direct import DirectTracer, direct_transfer, open_transfer
+from diffprt.transfer.diffuse.reference import direct_transfer_and_gather
 
 
 def nearest(positions: torch.Tensor, point: tuple) -> int:

@@ -12,14 +12,16 @@ from diffprt.errors import InputError
 from diffprt.kernels import TriangleMesh
 from diffprt.scene import builtin_scene
 from diffprt.sh.product import product_matrix
-from diffprt.shade.glossy import shade_glossy
-from diffprt.transfer import Receivers, Surfaces, bake
-from diffprt.transfer.glossy import bake_glossy
-from diffprt.transfer.glossy_materials import GlossyMaterials
-from diffprt.transfer.glossy_reference import radiance_by_rays, shadow_matrix_by_rays, visible
-from diffprt.transfer.sampling import Pattern, hemisphere_directions, tangent_frames
-from diffprt.transfer.shadow_matrix import shadow_matrices
-from diffprt.transfer.visibility_matrix import UniformPattern
+from diffprt.shading.glossy import shade_glossy
+from diffprt.surface import Receivers, Surfaces
+from diffprt.surface.frames import tangent_frames
+from diffprt.surface.sampling import Pattern, hemisphere_directions
+from diffprt.transfer import bake
+from diffprt.transfer.baking.glossy import bake_glossy
+from diffprt.transfer.glossy.materials import GlossyMaterials
+from diffprt.transfer.glossy.reference import radiance_by_rays, shadow_matrix_by_rays, visible
+from diffprt.transfer.glossy.shadow_matrix import shadow_matrices
+from diffprt.transfer.glossy.visibility_matrix import UniformPattern
 
 
 def light_of(order: int, seed: int = 1) -> torch.Tensor:
@@ -244,7 +246,7 @@ def test_bad_options_are_named(bumpy, options, message):
 
 
 def test_free_receivers_are_refused_by_shape():
-    from diffprt.transfer.glossy_signal import GlossyTransfer
+    from diffprt.transfer.glossy.signal import GlossyTransfer
 
     receivers = Receivers.points(torch.zeros(2, 3), torch.tensor([[0.0, 0, 1], [0, 1, 0]]))
     with pytest.raises(InputError, match="glossy transfer has shape"):

@@ -6,19 +6,18 @@ import pytest
 import torch
 
 from diffprt.brdf import GGX, ModifiedPhong
-from diffprt.errors import InputError
+from diffprt.errors import InputError, Interrupted
 from diffprt.scene import Scene
+from diffprt.surface import Surfaces
 from diffprt.transfer import (
     GlossySettings,
-    Interrupted,
-    Surfaces,
     bake_glossy,
     check_glossy_memory,
     check_glossy_time,
     discard_chunks,
     estimate_glossy,
 )
-from diffprt.transfer.glossy_estimate import glossy_memory
+from diffprt.transfer.baking.glossy_estimate import glossy_memory
 
 
 def test_order_6_and_more_go_through(bumpy):
@@ -74,7 +73,7 @@ def test_ctrl_c_says_what_is_lost(bumpy, monkeypatch):
     def stop(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("diffprt.transfer.glossy_passes.GlossyPasses.shadows", stop)
+    monkeypatch.setattr("diffprt.transfer.glossy.passes.GlossyPasses.shadows", stop)
     with pytest.raises(Interrupted, match="0 of 1 chunks of shadows were done, and nothing is kept"):
         bake_glossy(bumpy, GGX(0.5), order=2, rays=64)
 
@@ -82,7 +81,7 @@ def test_ctrl_c_says_what_is_lost(bumpy, monkeypatch):
 @pytest.mark.parametrize("passes", [0, 1, 2])
 def test_stopped_in_any_pass_and_resumed(passes, bumpy, tmp_path, monkeypatch):
     """Hard case 30: in the shadow pass, the first or the second bounce; finished chunks are not computed again."""
-    monkeypatch.setattr("diffprt.transfer.glossy_chunks.RECEIVERS_PER_CHUNK", 128)
+    monkeypatch.setattr("diffprt.transfer.baking.glossy_chunks.RECEIVERS_PER_CHUNK", 128)
     options = {"order": 2, "order_out": 3, "rays": 32, "bounces": 2, "bounce_rays": 32}
     begun = []
 

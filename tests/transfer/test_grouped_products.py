@@ -2,7 +2,7 @@
 
 import torch
 
-from diffprt.transfer.grouped_products import rows_times_matrices, sum_of_outer_products
+from diffprt.transfer.glossy.grouped_products import rows_times_matrices, sum_of_outer_products
 
 
 def groups(random_counts=(0, 1, 2, 3, 5, 8, 0, 17)) -> torch.Tensor:

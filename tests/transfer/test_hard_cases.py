@@ -16,8 +16,9 @@ from diffprt.errors import InputError
 from diffprt.kernels import TriangleMesh
 from diffprt.scene import Material, Mesh, Scene, builtin_scene
 from diffprt.scene.resolution import offset_remark
-from diffprt.transfer import Receivers, bake
-from diffprt.transfer.direct import open_transfer
+from diffprt.surface import Receivers
+from diffprt.transfer import bake
+from diffprt.transfer.diffuse.direct import open_transfer
 
 OPTIONS = {"order": 3, "rays": 256, "bounces": 1}
 OPEN = float(sh.clamped_cosine(1)[0])

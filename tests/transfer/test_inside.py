@@ -5,8 +5,9 @@ import torch
 from trimesh.creation import box, icosphere
 
 from diffprt.scene import Material, Mesh, Scene, builtin_scene
-from diffprt.transfer import Receivers, bake, trace
-from diffprt.transfer.inside import Fill
+from diffprt.surface import Receivers
+from diffprt.transfer import bake, trace
+from diffprt.transfer.diffuse.inside import Fill
 
 OPTIONS = {"order": 3, "rays": 256, "bounces": 2}
 

@@ -8,7 +8,9 @@ import torch
 
 from diffprt.errors import InputError
 from diffprt.scene import builtin_scene
-from diffprt.transfer import BakeSettings, bake, check_memory, check_time, estimate, estimate_bake, retrace, trace
+from diffprt.transfer import BakeSettings, bake, check_memory, check_time, estimate_bake, trace
+from diffprt.transfer.baking import estimate
+from diffprt.transfer.diffuse import retrace
 
 
 @pytest.mark.parametrize("bounces", [2, "converged"])

@@ -5,13 +5,14 @@ import math
 import pytest
 import torch
 
-from diffprt import asset
-from diffprt.compress import compress
+from diffprt.compression import compress
 from diffprt.errors import InputError
-from diffprt.plan import plan
+from diffprt.planning import plan
+from diffprt.representation import files as asset
 from diffprt.scene import Scene, builtin_scene
-from diffprt.transfer import Receivers, Transfer, bake
-from diffprt.transfer.sampling import Pattern, hemisphere_directions
+from diffprt.surface import Receivers
+from diffprt.surface.sampling import Pattern, hemisphere_directions
+from diffprt.transfer import Transfer, bake
 
 
 def test_wall_beside_a_floor():
@@ -65,7 +66,7 @@ def test_closed_rooms_are_shut_and_keep_their_normals():
 def test_they_are_the_mean_of_unblocked_rays(bumpy):
     """Against counting rays with single-ray queries."""
     from diffprt.kernels import TriangleMesh
-    from diffprt.transfer import Surfaces
+    from diffprt.surface import Surfaces
 
     transfer = bake(bumpy, order=2, rays=256, bounces=1)
     surfaces = Surfaces.of(bumpy)

@@ -3,11 +3,11 @@
 import pytest
 import torch
 
-from diffprt import asset
-from diffprt.plan import plan
+from diffprt.planning import plan
+from diffprt.representation import files as asset
 from diffprt.scene import builtin_scene
 from diffprt.transfer import bake
-from diffprt.transfer.direct import open_transfer
+from diffprt.transfer.diffuse.direct import open_transfer
 
 
 def test_no_ray_is_traced_where_shadows_are_proved_unnecessary(tmp_path):

@@ -9,10 +9,10 @@ import time
 import pytest
 import torch
 
-from diffprt import asset
-from diffprt.errors import InputError
+from diffprt.errors import InputError, Interrupted
+from diffprt.representation import files as asset
 from diffprt.scene import builtin_scene
-from diffprt.transfer import BakeSettings, Interrupted, bake, check_memory, discard_chunks, estimate_bake
+from diffprt.transfer import BakeSettings, bake, check_memory, discard_chunks, estimate_bake
 
 OPTIONS = {"order": 3, "rays": 512, "bounces": 1}
 

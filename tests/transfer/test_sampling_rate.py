@@ -10,9 +10,10 @@ import torch
 from diffprt.errors import InputError
 from diffprt.kernels import TriangleMesh
 from diffprt.scene import Scene, builtin_scene
-from diffprt.transfer import BakeSettings, Surfaces, bake, choose_rays, rays_for_tolerance
-from diffprt.transfer.sampling import Pattern
-from diffprt.transfer.trial import reflected_light, some_receivers, trace_some
+from diffprt.surface import Surfaces
+from diffprt.surface.sampling import Pattern
+from diffprt.transfer import BakeSettings, bake, choose_rays, rays_for_tolerance
+from diffprt.transfer.baking.trial import reflected_light, some_receivers, trace_some
 
 
 def relative_error(rough: torch.Tensor, fine: torch.Tensor) -> float:

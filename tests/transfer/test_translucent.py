@@ -8,23 +8,16 @@ import pytest
 import torch
 import trimesh
 
-from diffprt import asset
 from diffprt.errors import InputError
-from diffprt.plan import plan
+from diffprt.planning import plan
+from diffprt.representation import files as asset
 from diffprt.scene import Material, Mesh, Scene, builtin_scene
-from diffprt.transfer import (
-    BakeSettings,
-    Receivers,
-    StoredOperator,
-    bake,
-    estimate_bake,
-    interreflect,
-    rays_for_tolerance,
-    trace,
-)
-from diffprt.transfer.direct import open_transfer
-from diffprt.transfer.operator import OperatorRows
-from diffprt.transfer.translucent import SheetOperator, Sides
+from diffprt.surface import Receivers, StoredOperator
+from diffprt.surface.operator import OperatorRows
+from diffprt.surface.sides import Sides
+from diffprt.transfer import BakeSettings, bake, estimate_bake, interreflect, rays_for_tolerance, trace
+from diffprt.transfer.diffuse.direct import open_transfer
+from diffprt.transfer.diffuse.sheets import SheetOperator
 
 UNIT = math.sqrt(4 * math.pi)
 

@@ -22,8 +22,8 @@ def run(
     pictures: Path = typer.Option(None, help="Only takes pictures of the page, into this folder."),
     json_file: Path = JsonFile,
 ) -> None:
-    from diffprt.study.display import display_study
-    from diffprt.study.display_pictures import display_pictures
+    from diffprt.study.display.pictures import display_pictures
+    from diffprt.study.display.study import display_study
 
     if pictures is not None:
         check_output(pictures, directory=True)

@@ -23,7 +23,7 @@ def run(
     seed: int = typer.Option(0, help="Of the bake and of Mitsuba."),
     json_file: Path = JsonFile,
 ) -> None:
-    from diffprt.study.gradient import gradient_study
+    from diffprt.study.gradient.study import gradient_study
 
     report = gradient_study(
         source,

@@ -30,7 +30,7 @@ def run(
     output: Path = typer.Option(Path("out/optimize"), "-o", "--output", help="The folder; its rows are kept."),
     json_file: Path = JsonFile,
 ) -> None:
-    from diffprt.study.optimize import optimize_study
+    from diffprt.study.optimization.study import optimize_study
 
     check_output(output, directory=True)
     report = optimize_study(

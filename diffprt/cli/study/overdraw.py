@@ -7,7 +7,7 @@ from pathlib import Path
 import typer
 
 from diffprt.cli.report import JsonFile, check_output, print_table, say, size_text, write_report
-from diffprt.study.thesis_tables import thesis_table
+from diffprt.study.overdraw.thesis_tables import thesis_table
 
 
 def run(
@@ -37,8 +37,8 @@ def run(
     output: Path = typer.Option(Path("out/overdraw"), "-o", "--output", help="The folder; its rows are kept."),
     json_file: Path = JsonFile,
 ) -> None:
-    from diffprt.study.overdraw import overdraw_study
-    from diffprt.study.overdraw_methods import DEFAULT
+    from diffprt.study.overdraw.methods import DEFAULT
+    from diffprt.study.overdraw.study import overdraw_study
 
     check_output(output, directory=True)
     report = overdraw_study(

@@ -26,7 +26,7 @@ def run(
     up: str = typer.Option(None, help="The axis of the file that points up; y by default."),
     json_file: Path = JsonFile,
 ) -> None:
-    from diffprt.study.reference import reference_study
+    from diffprt.study.reference.study import reference_study
 
     color = None if albedo is None else parse_color(albedo, "albedo")
     check_output(output, directory=True)

@@ -7,7 +7,7 @@ from pathlib import Path
 import typer
 
 from diffprt.cli.report import check_output, say
-from diffprt.optimize import save_references
+from diffprt.optimization import save_references
 
 
 def run(
@@ -21,7 +21,7 @@ def run(
     seed: int = typer.Option(0, help="Of views, turns and paths."),
     output: Path = typer.Option(Path("references"), "-o", "--output", help="The folder."),
 ) -> None:
-    from diffprt.study.optimize_references import mitsuba_references
+    from diffprt.study.optimization.references import mitsuba_references
 
     check_output(output, directory=True)
     made = mitsuba_references(

@@ -24,7 +24,7 @@ def run(
     output: Path = typer.Option(Path("out/tolerance"), "-o", "--output", help="The folder for rows and chart."),
     json_file: Path = JsonFile,
 ) -> None:
-    from diffprt.study.tolerance import tolerance_study
+    from diffprt.study.tolerance.study import tolerance_study
 
     check_output(output, directory=True)
     report = tolerance_study(

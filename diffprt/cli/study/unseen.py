@@ -8,7 +8,7 @@ import typer
 
 from diffprt.cli.inputs import parse_clusters
 from diffprt.cli.report import JsonFile, check_output, write_report
-from diffprt.optimize import load_references
+from diffprt.optimization import load_references
 
 
 def run(
@@ -20,7 +20,7 @@ def run(
     output: Path = typer.Option(Path("out/unseen"), "-o", "--output", help="The folder for the sheet."),
     json_file: Path = JsonFile,
 ) -> None:
-    from diffprt.study.optimize_unseen import unseen_study
+    from diffprt.study.optimization.unseen import unseen_study
 
     check_output(output, directory=True)
     made = load_references(folder)

@@ -25,7 +25,7 @@ def run(
     seed: int = typer.Option(0, help="Draws receivers and directions."),
     json_file: Path = JsonFile,
 ) -> None:
-    from diffprt.study.visibility import visibility_study
+    from diffprt.study.visibility.study import visibility_study
 
     check_output(output, directory=True)
     report = visibility_study(

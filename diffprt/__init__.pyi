@@ -1,0 +1,34 @@
+from . import brdf as brdf
+from . import images as images
+from . import inverse as inverse
+from . import scene as scene
+from . import sh as sh
+from .compression import ClusteredGlossyTransfer as ClusteredGlossyTransfer
+from .compression import ClusteredTransfer as ClusteredTransfer
+from .compression import compress as compress
+from .errors import InputError as InputError
+from .exporters import export as export
+from .exporters import show as show
+from .optimization import References as References
+from .optimization import load_references as load_references
+from .optimization import make_references as make_references
+from .optimization import optimize as optimize
+from .optimization import save_references as save_references
+from .planning import plan as plan
+from .rendering import render as render
+from .representation import load as load
+from .representation import save as save
+from .scene import Camera as Camera
+from .scene import Environment as Environment
+from .scene import Light as Light
+from .scene import Scene as Scene
+from .shading import shade as shade
+from .shading import tone_map as tone_map
+from .surface import Receivers as Receivers
+from .transfer import GlossyTransfer as GlossyTransfer
+from .transfer import Transfer as Transfer
+from .transfer import bake as bake
+from .transfer import bake_glossy as bake_glossy
+from .transfer import trace as trace
+
+__version__: str

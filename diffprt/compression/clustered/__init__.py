@@ -1,0 +1,1 @@
+"""Clustered transfer: its types, and its numbers in few bits."""

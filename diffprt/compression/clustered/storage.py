@@ -1,0 +1,68 @@
+"""Clustered transfer as the tensors of a file: numbers in their formats, with the ranges of those in eight bits."""
+
+from __future__ import annotations
+
+import torch
+
+from diffprt.compression.clustered.quantize import Quantized, dequantize, quantize
+from diffprt.compression.clustered.signal import ClusteredSignal
+from diffprt.errors import InputError
+
+_FORMATS = {torch.uint8: "uint8", torch.float16: "float16"}
+_NUMBERS = ("means", "bases", "weights")
+LABEL_TYPES = (torch.uint8, torch.uint16, torch.int32)
+RANGES = tuple(f"{name}_{part}" for name in _NUMBERS for part in ("offsets", "steps"))
+
+
+def to_tensors(asset: ClusteredSignal) -> dict[str, torch.Tensor]:
+    """`labels`, `means`, `bases` and `weights` in the asset's shapes, and `RANGES` of what is in eight bits.
+
+    Weights have a range for each cluster and component, bases for each of theirs, means for each cluster.
+    """
+    dtype = next(t for t in LABEL_TYPES if asset.clusters <= torch.iinfo(t).max + 1)
+    tensors = {"labels": asset.labels.to(dtype)}
+    for name, values, format, ranges in (
+        ("means", asset.means.flatten(1)[:, None], asset.bases_format, None),
+        ("bases", asset.bases, asset.bases_format, None),
+        ("weights", asset.weights, asset.weights_format, asset.labels),
+    ):
+        if format == "float32":
+            tensors[name] = getattr(asset, name)
+            continue
+        stored = quantize(values, format, ranges=ranges)
+        tensors[name] = stored.codes.reshape(getattr(asset, name).shape)
+        if format == "uint8":
+            tensors |= {f"{name}_offsets": stored.offsets, f"{name}_steps": stored.steps}
+    return tensors
+
+
+def from_tensors(tensors: dict[str, torch.Tensor]) -> dict:
+    """The arguments of `ClusteredSignal` that `to_tensors` made tensors of.
+
+    Raises:
+        InputError: ranges are missing, or not those of the clusters and components.
+    """
+    labels, clusters = tensors["labels"].to(torch.int64), len(tensors["means"])
+    known = len(labels) > 0 and 0 <= int(labels.min()) <= int(labels.max()) < clusters
+    found: dict = {"labels": labels}
+    for name in _NUMBERS:
+        codes, ranges = tensors[name], labels if name == "weights" else None
+        if codes.dtype not in _FORMATS:
+            found[name] = codes
+            continue
+        rows = codes.flatten(1)[:, None] if name == "means" else codes
+        wanted = (clusters, rows.shape[1]) if codes.dtype == torch.uint8 else (0,)
+        offsets, steps = (tensors.get(f"{name}_{part}", torch.zeros(0)) for part in ("offsets", "steps"))
+        if (
+            not tuple(offsets.shape) == tuple(steps.shape) == wanted
+            or len(codes) != (clusters if ranges is None else len(ranges))
+            or not known
+        ):
+            raise InputError(f"the ranges of {name} do not belong to its {tuple(codes.shape)} codes: compress again")
+        found[name] = dequantize(Quantized(rows, offsets, steps), ranges=ranges).reshape(codes.shape)
+    # A float64 signal with weights in few bits comes back in float64 as a whole.
+    wide = torch.float64 if any(tensors[name].dtype == torch.float64 for name in _NUMBERS) else torch.float32
+    found |= {name: found[name].to(wide) for name in _NUMBERS}
+    found["weights_format"] = _FORMATS.get(tensors["weights"].dtype, "float32")
+    found["bases_format"] = _FORMATS.get(tensors["bases"].dtype, "float32")
+    return found

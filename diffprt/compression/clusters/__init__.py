@@ -1,0 +1,1 @@
+"""The algebra of clusters: members, means, subspaces, components, blends."""

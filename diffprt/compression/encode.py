@@ -1,0 +1,193 @@
+"""Signals as plain rows of numbers into clusters, means, components and weights, and the error of that."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+
+import torch
+
+from diffprt.compression.clustered.quantize import check_format, rounded, stored_bytes
+from diffprt.compression.clusters.blend import blend
+from diffprt.compression.clusters.pca import cluster_pca
+from diffprt.compression.methods.by_name import best_method, cluster
+from diffprt.errors import InputError
+from diffprt.torch_threads import one_torch_thread
+
+_ROWS = 4096
+
+
+@dataclass(frozen=True)
+class Encoded:
+    """Row v is means[m] + weights[v] · bases[m], m = labels[v].
+
+    Attributes:
+        labels: int64 [V], in [0, M), clusters in the order in which rows first meet them.
+        means: float [M, D].
+        bases: float [M, P, D], orthonormal rows, or zero.
+        weights: float [V, P].
+        method: how labels were found.
+        weights_format, bases_format: how many bits the numbers are rounded to; means go with the bases.
+        counts: `clusters_dropped`, `iterations`; `coherence` where the method has one.
+        timings: seconds of each step.
+    """
+
+    labels: torch.Tensor
+    means: torch.Tensor
+    bases: torch.Tensor
+    weights: torch.Tensor
+    method: str
+    weights_format: str = "float32"
+    bases_format: str = "float32"
+    counts: dict = field(default_factory=dict)
+    timings: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes as stored."""
+        return encoded_bytes(self.labels, self.means, self.bases, self.weights, self.weights_format, self.bases_format)
+
+    def decode(self, rows: torch.Tensor | slice = slice(None)) -> torch.Tensor:
+        """Rows [R, D] as they come back."""
+        return blend(self.labels[rows], self.weights[rows], self.means, self.bases)
+
+
+@one_torch_thread()
+def encode(
+    vectors: torch.Tensor,
+    *,
+    clusters: int = 64,
+    components: int = 8,
+    method: str | None = None,
+    positions: torch.Tensor | None = None,
+    faces: torch.Tensor | None = None,
+    coherence: float | None = None,
+    slack: float = 0.1,
+    per_pass: int | None = None,
+    prior: torch.Tensor | None = None,
+    weights_format: str = "float32",
+    bases_format: str = "float32",
+    start: str = "k-means++",
+    seed: int = 0,
+    iterations: int = 50,
+) -> Encoded:
+    """Clustered principal component analysis of any signal; the same for any number of threads.
+
+    Args:
+        vectors: float [V, D], such as transfer flattened over channels and coefficients.
+        clusters: M, at most 65536; clusters beyond the number of distinct rows are dropped and counted.
+        components: P per cluster, at most min(D, 64).
+        method: one of `METHODS`; without, the best one that the receivers allow.
+        positions, faces, coherence, slack, per_pass, start, seed, iterations: as in `cluster`.
+        prior: float [D], what an error in each entry weighs. Clusters and components are then best in the weighted
+            error, and worse in the plain one.
+        weights_format, bases_format: "float32", "float16" or "uint8"; means are stored as the bases.
+
+    Returns:
+        numbers as they come back from storage. No gradients reach the vectors: `principal_projection` and
+        `Subspaces.residuals` have them.
+
+    Raises:
+        InputError: an option is out of range.
+    """
+    if not 1 <= clusters <= 65536:
+        raise InputError(f"clusters is {clusters}: give 1 to 65536, such as 64")
+    size = vectors.shape[1]
+    if not 0 <= components <= min(size, 64):
+        raise InputError(f"components is {components}: give 0 to {min(size, 64)}, such as 8")
+    if iterations < 1:
+        raise InputError(f"iterations is {iterations}: give 1 or more, such as 50")
+    if not slack >= 0:
+        raise InputError(f"slack is {slack}: give 0 or more, such as 0.1")
+    check_format("weights_format", weights_format)
+    check_format("bases_format", bases_format)
+    method = best_method(faces) if method is None else method
+    vectors = vectors.detach()
+    scale = None if prior is None else prior.to(vectors).sqrt()
+    weighted = vectors if scale is None else vectors * scale
+    found = cluster(
+        weighted,
+        method,
+        clusters=clusters,
+        components=components,
+        positions=positions,
+        faces=faces,
+        coherence=coherence,
+        slack=slack,
+        per_pass=per_pass,
+        start=start,
+        seed=seed,
+        iterations=iterations,
+    )
+    begun = time.perf_counter()
+    count = int(found.labels.max()) + 1
+    means, bases, weights = cluster_pca(weighted, found.labels, count, components)
+    if scale is not None:
+        means = means / scale
+        bases, weights = _orthonormal(bases / scale, weights, found.labels)
+    if bases_format != "float32":
+        means = rounded(means[:, None], bases_format)[:, 0]
+        bases = rounded(bases, bases_format)
+        weights = _weights(weighted, found.labels, means, bases, scale)
+    weights = rounded(weights, weights_format, ranges=found.labels)
+    timings = {**found.timings, "components": time.perf_counter() - begun}
+    counts: dict = {"clusters_dropped": clusters - count, "iterations": found.iterations}
+    if found.coherence is not None:
+        counts["coherence"] = found.coherence
+    return Encoded(found.labels, means, bases, weights, method, weights_format, bases_format, counts, timings)
+
+
+def encoded_bytes(
+    labels: torch.Tensor,
+    means: torch.Tensor,
+    bases: torch.Tensor,
+    weights: torch.Tensor,
+    weights_format: str = "float32",
+    bases_format: str = "float32",
+) -> int:
+    """Bytes of means, bases, weights and labels (one byte up to 256 clusters, two up to 65536, else four).
+
+    Ranges of uint8 are counted: an offset and a step in float32 for each component of each cluster, and for each
+    mean and row of the bases.
+    """
+    clusters, components = bases.shape[:2]
+    label_bytes = 1 if clusters <= 256 else 2 if clusters <= 65536 else 4
+    element = means.element_size()
+    return (
+        stored_bytes(means.numel() + bases.numel(), clusters * (components + 1), bases_format, element)
+        + stored_bytes(weights.numel(), clusters * components, weights_format, element)
+        + len(labels) * label_bytes
+    )
+
+
+def squared_errors(vectors: torch.Tensor, encoded: Encoded, prior: torch.Tensor | None = None) -> torch.Tensor:
+    """Squared error float64 [V] of every row; weighted by `prior` [D] where it is given."""
+    result = torch.empty(len(vectors), dtype=torch.float64)
+    for first in range(0, len(vectors), _ROWS):
+        rows = slice(first, first + _ROWS)
+        difference = vectors[rows].detach().double() - encoded.decode(rows).double()
+        square = difference.square()
+        result[rows] = square.sum(1) if prior is None else square @ prior.double()
+    return result
+
+
+def _orthonormal(bases: torch.Tensor, weights: torch.Tensor, labels: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    """The same reconstruction with orthonormal rows again, after coefficients were scaled back."""
+    directions, triangle = torch.linalg.qr(bases.double().transpose(1, 2))
+    present = bases.abs().amax(2) > 0  # rows beyond a cluster's rank stay zero
+    sign = triangle.diagonal(dim1=1, dim2=2).sign() * present
+    turned = torch.einsum("vp,vqp->vq", weights.double(), (sign[:, :, None] * triangle)[labels])
+    return (sign[:, None] * directions).transpose(1, 2).to(bases.dtype), turned.to(weights.dtype)
+
+
+def _weights(
+    weighted: torch.Tensor, labels: torch.Tensor, means: torch.Tensor, bases: torch.Tensor, scale: torch.Tensor | None
+) -> torch.Tensor:
+    """Least-squares weights for bases that rounding has bent, in the error that the prior weighs."""
+    scale = torch.ones_like(means[0]) if scale is None else scale
+    inverse = torch.linalg.pinv((bases * scale).double(), rtol=1e-6).to(weighted.dtype)
+    result = weighted.new_empty(len(weighted), bases.shape[1])
+    order = labels.argsort(stable=True)
+    for m, members in enumerate(order.split(torch.bincount(labels, minlength=len(means)).tolist())):
+        result[members] = (weighted[members] - means[m] * scale) @ inverse[m]
+    return result

@@ -1,0 +1,64 @@
+"""Clusters around affine subspaces instead of means: what CPCA stores is what decides who belongs where."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+
+from diffprt.compression.clusters.near import NearErrors, near_clusters
+from diffprt.compression.clusters.subspaces import Subspaces, fit_subspaces
+
+
+@dataclass(frozen=True)
+class SubspacePartition:
+    """Labels, the subspaces that they were chosen for, and what it took.
+
+    Attributes:
+        labels: int64 [V], in [0, M); clusters may be empty.
+        subspaces: of the M clusters.
+        error: mean squared distance of the vectors to their subspaces.
+        iterations: rounds.
+    """
+
+    labels: torch.Tensor
+    subspaces: Subspaces
+    error: float
+    iterations: int
+
+
+def k_subspaces(
+    vectors: torch.Tensor,
+    labels: torch.Tensor,
+    components: int,
+    *,
+    iterations: int = 30,
+    tolerance: float = 1e-3,
+) -> SubspacePartition:
+    """Alternates fitting a subspace to each cluster and giving each vector to the subspace that is nearest.
+
+    Both halves lower the same squared error, that of CPCA itself; LBG lowers the distance to means, which the
+    components then make up for.
+
+    Args:
+        vectors: float [V, D].
+        labels: int64 [V], where to start, such as those of `lbg`.
+        components: P.
+        iterations: at most this many rounds.
+        tolerance: stop when the error falls by less than this share of itself.
+
+    Source: Bradley and Mangasarian 2000 (k-plane clustering); Kambhatla and Leen 1997 for components.
+    """
+    clusters = int(labels.max()) + 1
+    before, done, bases = float("inf"), 0, None
+    for _ in range(iterations):
+        done += 1
+        subspaces = fit_subspaces(vectors, labels, clusters, components, bases=bases)
+        bases = subspaces.bases
+        near = near_clusters(subspaces, vectors, labels)
+        labels, errors = NearErrors.of(subspaces, vectors, labels, near).nearest()
+        error = float(errors.double().mean())
+        if before - error <= tolerance * before < float("inf") or error == 0.0:
+            break
+        before = error
+    return SubspacePartition(labels, subspaces, error, done)

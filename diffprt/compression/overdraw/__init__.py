@@ -1,0 +1,1 @@
+"""Overdraw: what clusters cost where triangles cross their borders."""

@@ -1,0 +1,1 @@
+"""Binary glTF with an asset's data, and a three.js module that draws it."""

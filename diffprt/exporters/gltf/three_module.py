@@ -1,0 +1,49 @@
+"""A module for three.js that draws the .glb of `export_glb`, and a page that shows it."""
+
+from __future__ import annotations
+
+import json
+import re
+from importlib.resources import files
+from pathlib import Path
+
+from diffprt.exporters.shaders import STAGES, shader_source
+from diffprt.whole_file import make_folder, write_whole
+
+_PROGRAMS = ("diffuse", "clustered_diffuse", "glossy_exit", "clustered_glossy_exit", "glossy")
+
+
+def three_module() -> str:
+    """`prt.three.js`: one file that imports three alone, with `loadPRT(url)` and `PRTMesh`; see `three/prt.js`."""
+    module = (files("diffprt.exporters.gltf") / "three" / "prt.js").read_text(encoding="utf-8")
+    dots = (files("diffprt.exporters.web") / "page" / "cluster_light.js").read_text(encoding="utf-8")
+    dots = dots.replace("export function", "function")
+    # three writes the version itself.
+    shaders = {
+        f"{name}.{stage[:4]}": shader_source(name, stage, "glsl-es").partition("\n")[2]
+        for name in _PROGRAMS
+        for stage in STAGES
+    }
+    literals = ",\n".join(f"  {json.dumps(name)}: `{_quoted(text)}`" for name, text in shaders.items())
+    own = re.sub(r'^import [^;]*"\./[^;]*;\n', "", module, flags=re.MULTILINE)
+    return f"{own}\n{dots}\nconst SHADERS = {{\n{literals},\n}};\n"
+
+
+def _quoted(text: str) -> str:
+    """Text between the backticks of JavaScript."""
+    return text.replace("\\", "\\\\").replace("`", "\\`").replace("${", "\\${")
+
+
+def write_three(directory: str | Path) -> list[Path]:
+    """Writes `prt.three.js` and `example.html`, which shows a scene.glb beside it.
+
+    Raises:
+        InputError: the directory cannot be made or written.
+    """
+    folder = Path(directory)
+    make_folder(folder)
+    example = (files("diffprt.exporters.gltf") / "three" / "example.html").read_text(encoding="utf-8")
+    return [
+        write_whole(folder / "prt.three.js", three_module().encode(), "module"),
+        write_whole(folder / "example.html", example.encode(), "page"),
+    ]

@@ -1,0 +1,9 @@
+from .albedo import AlbedoEstimate as AlbedoEstimate
+from .albedo import recover_albedo as recover_albedo
+from .joint import JointEstimate as JointEstimate
+from .joint import recover_light_and_albedo as recover_light_and_albedo
+from .light import LightEstimate as LightEstimate
+from .light import design_matrix as design_matrix
+from .light import recover_light as recover_light
+from .observations import Observation as Observation
+from .observations import observe as observe

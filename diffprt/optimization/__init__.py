@@ -1,0 +1,5 @@
+"""Optimization: assets trained towards reference pictures, and the references themselves."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

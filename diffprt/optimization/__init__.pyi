@@ -1,0 +1,14 @@
+from .image_norm import ImageNorm as ImageNorm
+from .losses import IMAGE_LOSSES as IMAGE_LOSSES
+from .losses import parse_loss as parse_loss
+from .optimize import optimize as optimize
+from .parameters import PARAMETERS as PARAMETERS
+from .references.reference_set import make_references as make_references
+from .references.reference_set import random_cameras as random_cameras
+from .references.reference_set import random_lights as random_lights
+from .references.reference_set import random_rotations as random_rotations
+from .references.references import Reference as Reference
+from .references.references import References as References
+from .references.references import load_references as load_references
+from .references.references import save_references as save_references
+from .transfer_loss import TransferLoss as TransferLoss

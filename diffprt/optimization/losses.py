@@ -1,0 +1,91 @@
+"""How far pictures are from their references, in linear radiance and as an eye or a display sees it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import kornia
+import torch
+
+from diffprt.errors import InputError
+from diffprt.shading import tone_map
+
+# Side of the window over which SSIM compares local means and variances (Wang et al. 2004).
+_WINDOW = 11
+
+
+def relative_squared(image: torch.Tensor, reference: torch.Tensor, mask: torch.Tensor, exposure: float) -> torch.Tensor:
+    """Squared error over the reference's energy, in linear radiance: all references weigh alike, however bright."""
+    return (image - reference).square()[mask].sum() / reference.square()[mask].sum()
+
+
+def log_squared(image: torch.Tensor, reference: torch.Tensor, mask: torch.Tensor, exposure: float) -> torch.Tensor:
+    """Mean squared difference of log(1 + exposed radiance): a sun and a shadow count alike."""
+    one, other = ((exposure * x[mask]).clamp_min(0).log1p() for x in (image, reference))
+    return (one - other).square().mean()
+
+
+def display_squared(image: torch.Tensor, reference: torch.Tensor, mask: torch.Tensor, exposure: float) -> torch.Tensor:
+    """Mean squared difference after tone mapping (ACES): what a display shows."""
+    return (_shown(image, exposure) - _shown(reference, exposure))[mask].square().mean()
+
+
+def psnr(image: torch.Tensor, reference: torch.Tensor, mask: torch.Tensor, exposure: float) -> torch.Tensor:
+    """Minus the peak signal to noise ratio [dB] of tone-mapped pictures."""
+    return kornia.losses.psnr_loss(_batch(image, mask, exposure), _batch(reference, mask, exposure), max_val=1.0)
+
+
+def ssim(image: torch.Tensor, reference: torch.Tensor, mask: torch.Tensor, exposure: float) -> torch.Tensor:
+    """(1 - SSIM) / 2 of tone-mapped pictures (Wang et al. 2004)."""
+    return kornia.losses.ssim_loss(_batch(image, mask, exposure), _batch(reference, mask, exposure), _WINDOW)
+
+
+def total_variation(image: torch.Tensor, reference: torch.Tensor, mask: torch.Tensor, exposure: float) -> torch.Tensor:
+    """Total variation of the tone-mapped difference, per pixel: seams between clusters rather than gentle shifts."""
+    difference = _batch(image, mask, exposure) - _batch(reference, mask, exposure)
+    return kornia.losses.total_variation(difference, reduction="mean").sum()
+
+
+IMAGE_LOSSES: dict[str, Callable[..., torch.Tensor]] = {
+    "image": relative_squared,
+    "log": log_squared,
+    "display": display_squared,
+    "psnr": psnr,
+    "ssim": ssim,
+    "total-variation": total_variation,
+}
+TRANSFER, OVERDRAW = "transfer", "overdraw"
+
+
+def parse_loss(loss: str | dict[str, float]) -> dict[str, float]:
+    """Weights of losses by name, from such a dictionary or from "image + 0.1*ssim".
+
+    Raises:
+        InputError: a name is unknown, or a weight is not above 0.
+    """
+    known = (*IMAGE_LOSSES, TRANSFER, OVERDRAW)
+    if isinstance(loss, str):
+        terms = [part.strip().rpartition("*")[::2] for part in loss.split("+")]
+        loss = {}
+        for weight, name in terms:
+            try:
+                loss[name.strip()] = float(weight or 1)
+            except ValueError:
+                raise InputError(f"loss weight '{weight}' is no number: write such as image + 0.1*ssim") from None
+    for name, weight in loss.items():
+        if name not in known:
+            raise InputError(f"loss '{name}' is unknown: use one of {', '.join(known)}")
+        if not 0 < weight < float("inf"):
+            raise InputError(f"loss '{name}' has weight {weight}: give a number above 0")
+    if not set(loss) - {OVERDRAW}:
+        raise InputError("loss has nothing that compares with references: add image or transfer")
+    return dict(loss)
+
+
+def _shown(image: torch.Tensor, exposure: float) -> torch.Tensor:
+    return tone_map(image, exposure=exposure, curve="aces")
+
+
+def _batch(image: torch.Tensor, mask: torch.Tensor, exposure: float) -> torch.Tensor:
+    """[1, 3, H, W] of display values, black outside the mask."""
+    return (_shown(image, exposure) * mask[..., None]).permute(2, 0, 1)[None]

@@ -1,0 +1,1 @@
+"""Reference pictures: what they are, how they are made, checked and drawn."""

@@ -1,0 +1,5 @@
+"""Shading: exit radiance of receivers under distant light, and tone curves."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

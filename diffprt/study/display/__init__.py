@@ -1,0 +1,1 @@
+"""What the exported page shows and costs."""

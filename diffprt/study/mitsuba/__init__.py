@@ -1,0 +1,1 @@
+"""diffprt's scenes and BRDFs as Mitsuba knows them."""

@@ -1,0 +1,192 @@
+"""The 2005 thesis's tables 5.1 to 5.17 for any mesh: what less overdraw costs in error, and that it need not."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from diffprt.errors import InputError
+from diffprt.scene import BUILTIN_ENVIRONMENTS, Light, Scene, load_environment, load_scene
+from diffprt.study.overdraw.chart import overdraw_charts
+from diffprt.study.overdraw.image import HeldOut
+from diffprt.study.overdraw.methods import DEFAULT, ORIGINAL, PEER, Method, has_peer
+from diffprt.study.overdraw.pictures import save_maps, study_pictures
+from diffprt.study.overdraw.row import overdraw_row
+from diffprt.study.overdraw.signal import Signal, SignalSettings, load_signal
+from diffprt.study.overdraw.summary import summary
+from diffprt.study.rows import Rows
+from diffprt.surface import Surfaces
+
+Say = Callable[[str], None]
+BRDFS = ("phong:exponent=16", "cook-torrance:roughness=0.3")
+BUDGETS = (256, 1024, 4096)
+
+
+@dataclass(frozen=True)
+class _Cell:
+    """A row that is to be."""
+
+    scene: Scene
+    signal: SignalSettings
+    method: Method
+    clusters: int
+
+
+def overdraw_study(
+    sources: Iterable[str | Path | Scene],
+    output: str | Path,
+    *,
+    brdfs: tuple[str, ...] | list[str] = BRDFS,
+    clusters: tuple[int, ...] | list[int] = (256, 64, 128, 192),
+    methods: tuple[str, ...] | list[str] = DEFAULT,
+    components: int = 8,
+    budgets: tuple[int, ...] | list[int] = BUDGETS,
+    lights: tuple[str, ...] | list[str] = ("sky", "studio"),
+    order: int = 6,
+    rays: int = 1024,
+    bounces: int = 0,
+    channels: int | None = None,
+    seed: int = 0,
+    seeds: int = 3,
+    minutes: float | None = None,
+    say: Say = lambda text: None,
+) -> dict:
+    """Clusters every signal with every method and sets error beside overdraw.
+
+    Signals are kept under `output`/signals, rows in `output`/rows.jsonl as they are finished; repeated, the study
+    goes on from there, and rows of other scenes or BRDFs join those that the folder has. Counts of clusters, then
+    methods, come in the order given, so that a run that is cut short has the first of them for all scenes.
+
+    Args:
+        sources: scene files, "builtin:NAME" or scenes.
+        output: folder.
+        brdfs: as `SignalSettings.brdf`.
+        clusters: numbers of clusters.
+        methods: as `Method.parse`.
+        components: P per cluster.
+        budgets: float4 registers that super-clusters must fit into.
+        lights: "sky", "studio" or a map, for the image error.
+        order, rays, bounces, channels: as in `SignalSettings`.
+        seed: of rays and starts.
+        seeds: how many starts original CPCA has.
+        minutes: no row is begun after these; None for no limit.
+        say: is told what goes on.
+
+    Returns:
+        Plain numbers: `settings`, `notes`, `rows`, `summary`, `files`; rows as of `overdraw_row`.
+
+    Raises:
+        InputError: nothing to do, or a value out of range.
+    """
+    begun = time.perf_counter()
+    output = Path(output)
+    output.mkdir(parents=True, exist_ok=True)
+    notes: list[str] = []
+    if PEER in methods and not has_peer():
+        notes.append("faiss is not installed, its rows are left out: pip install faiss-cpu")
+        methods = [method for method in methods if method != PEER]
+    scenes = [load_scene(source) for source in sources]
+    signals = [SignalSettings(brdf, order, rays, bounces, channels, seed) for brdf in brdfs]
+    ways = _ways(methods, seed, seeds)
+    cells = [
+        _Cell(scene, signal, way, count) for count in clusters for way in ways for scene in scenes for signal in signals
+    ]
+    if not cells or seeds < 1 or min(clusters) < 1:
+        raise InputError(
+            f"{len(scenes)} scenes, {len(signals)} BRDFs, {len(ways)} methods, {seeds} seeds, clusters "
+            f"{list(clusters)}: give at least one of each"
+        )
+    # Rows that may stand beside each other.
+    study = _digest([components, list(budgets), list(lights), order, rays, bounces])
+    kept = Rows(output / "rows.jsonl")
+    keys = [_digest([study, cell.signal.key(cell.scene), *cell.method.as_list(), cell.clusters]) for cell in cells]
+    waiting = [(key, cell) for key, cell in zip(keys, cells, strict=True) if key not in kept.rows]
+    bench = _Bench(output / "signals", {Path(name).stem: _light(name, order) for name in lights})
+    for number, (key, cell) in enumerate(waiting):
+        if minutes is not None and time.perf_counter() - begun > 60 * minutes:
+            left = len(waiting) - number
+            notes.append(f"{left} rows are left after {minutes:g} minutes: repeat the command to go on")
+            break
+        signal, held_out = bench.of(cell)
+        say(f"{number + 1} of {len(waiting)}: {signal.name}, {cell.clusters} clusters, {cell.method}")
+        row, maps = overdraw_row(
+            signal,
+            held_out,
+            cell.method,
+            clusters=cell.clusters,
+            components=components,
+            budgets=tuple(budgets),
+        )
+        save_maps(output / "maps" / f"{key}.safetensors", maps)
+        kept.add(key, row | {"maps": key, "study": study})
+    rows = [row for row in kept.rows.values() if row["study"] == study]
+    charts = overdraw_charts(output, rows)
+    pictures = _pictures(output, kept, cells, keys)
+    return {
+        "settings": {
+            "brdfs": list(brdfs),
+            "clusters": list(clusters),
+            "methods": list(methods),
+            "components": components,
+            "budgets": list(budgets),
+            "lights": list(lights),
+            "order": order,
+            "rays": rays,
+            "bounces": bounces,
+            "channels": channels,
+            "seed": seed,
+            "seeds": seeds,
+        },
+        "notes": notes,
+        "rows": rows,
+        "summary": summary(rows),
+        "files": {"charts": charts, "pictures": pictures, "rows": str(kept.path)},
+    }
+
+
+class _Bench:
+    """The signal at hand: only one is in memory."""
+
+    def __init__(self, folder: Path, lights: dict[str, Light]) -> None:
+        self._folder, self._lights = folder, lights
+        self._key: str | None = None
+        self._held: tuple[Signal, HeldOut] | None = None
+
+    def of(self, cell: _Cell) -> tuple[Signal, HeldOut]:
+        """Of a cell, baked where it is new."""
+        key = cell.signal.key(cell.scene)
+        if key != self._key:
+            self._held = None
+            signal = load_signal(cell.scene, cell.signal, self._folder)
+            self._key, self._held = key, (signal, HeldOut(signal, self._lights))
+        return self._held
+
+
+def _ways(methods: Iterable[str], seed: int, seeds: int) -> list[Method]:
+    """The methods as asked for, then original CPCA from its other starts."""
+    ways = [Method.parse(method, seed) for method in methods]
+    if any(way.name == ORIGINAL for way in ways):
+        ways += [Method(ORIGINAL, seed=seed + further) for further in range(1, seeds)]
+    return ways
+
+
+def _pictures(output: Path, kept: Rows, cells: list[_Cell], keys: list[str]) -> list[str]:
+    """Of every signal asked for, at the first number of clusters."""
+    signals: dict[str, tuple[Scene, list[dict]]] = {}
+    for key, cell in zip(keys, cells, strict=True):
+        if cell.clusters == cells[0].clusters and key in kept.rows:
+            signals.setdefault(cell.signal.key(cell.scene), (cell.scene, []))[1].append(kept.rows[key])
+    written = [study_pictures(output, Surfaces.of(scene).receivers, rows) for scene, rows in signals.values()]
+    return [path for path in written if path is not None]
+
+
+def _light(name: str, order: int) -> Light:
+    return load_environment(f"builtin:{name}" if name in BUILTIN_ENVIRONMENTS else name).project(order)
+
+
+def _digest(options: list) -> str:
+    return hashlib.sha256(json.dumps(options).encode()).hexdigest()[:16]

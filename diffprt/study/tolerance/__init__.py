@@ -1,0 +1,1 @@
+"""Whether `tolerance` delivers."""

@@ -1,0 +1,5 @@
+"""Surfaces: what occludes and reflects, and the receivers on it."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,1 @@
+"""Diffuse transfer: vectors from light to irradiance."""

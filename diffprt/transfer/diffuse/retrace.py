@@ -1,0 +1,61 @@
+"""The bounce operator where memory does not hold it: its rows are traced again for every product."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import closing
+
+import torch
+
+from diffprt.kernels import run_chunks
+from diffprt.surface.operator import BounceOperator, OperatorRows, StoredOperator
+from diffprt.transfer.diffuse.direct import DirectTracer
+
+# Rays whose hits are held at a time, over all threads.
+RAYS_PER_BLOCK = 1 << 22
+
+
+class RetracedOperator(BounceOperator):
+    """G, some receivers at a time: traced, multiplied, dropped. Products equal those of `StoredOperator`.
+
+    Args:
+        tracer: traces with hits.
+        order: int64 [receivers], which receiver each row of the tracer is.
+        threads: CPU threads.
+    """
+
+    def __init__(self, tracer: DirectTracer, order: torch.Tensor, threads: int) -> None:
+        self.receivers, self.sources, self.entries = tracer.count, tracer.sources, 0
+        self._tracer, self._order, self._threads = tracer, order, threads
+
+    def product(self, dense: torch.Tensor) -> torch.Tensor:
+        result = dense.new_empty(self.receivers, dense.shape[1])
+        for rows, block in self._blocks():
+            result[rows] = block.product(dense)
+        return result
+
+    def transposed(self) -> Callable[[torch.Tensor], torch.Tensor]:
+        return self._transposed_product
+
+    def _transposed_product(self, dense: torch.Tensor) -> torch.Tensor:
+        result = dense.new_zeros(self.sources, dense.shape[1])
+        for rows, block in self._blocks():
+            result += block.transposed()(dense[rows])
+        return result
+
+    def _blocks(self) -> Iterator[tuple[torch.Tensor, StoredOperator]]:
+        """Some receivers and their rows of G, in order: sums do not depend on which thread is first."""
+        tracer = self._tracer
+        step = max(1, RAYS_PER_BLOCK // (tracer.size * tracer.rays))
+        for first in range(0, tracer.chunks, step):
+            chunks = range(first, min(first + step, tracer.chunks))
+            parts: dict[int, OperatorRows] = {}
+
+            def work(chunk: int, parts: dict[int, OperatorRows] = parts) -> None:
+                parts[chunk] = tracer.trace(chunk)[2]
+
+            with closing(run_chunks(work, chunks, threads=self._threads)) as running:
+                for _ in running:
+                    pass
+            rows = self._order[tracer.rows(chunks[0]).start : tracer.rows(chunks[-1]).stop]
+            yield rows, StoredOperator([parts[chunk] for chunk in chunks], self.sources)

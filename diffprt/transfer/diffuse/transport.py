@@ -1,0 +1,211 @@
+"""Traced light transport: direct transfer and the bounce operator, from which transfer follows for any albedo."""
+
+from __future__ import annotations
+
+from contextlib import closing
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from diffprt.errors import InputError, Interrupted
+from diffprt.kernels import TriangleMesh, run_chunks
+from diffprt.progress import Track, timed
+from diffprt.surface.operator import BounceOperator, OperatorRows, StoredOperator
+from diffprt.surface.receivers import Receivers
+from diffprt.surface.sampling import Pattern
+from diffprt.surface.sides import Sides
+from diffprt.surface.surfaces import Surfaces
+from diffprt.transfer.baking.chunks import ChunkStore
+from diffprt.transfer.baking.settings import CONVERGED, BakeSettings
+from diffprt.transfer.diffuse.convergence import converge
+from diffprt.transfer.diffuse.direct import DirectTracer, direct_transfer
+from diffprt.transfer.diffuse.inside import Fill, FilledOperator, find_inside
+from diffprt.transfer.diffuse.interreflection import interreflect
+from diffprt.transfer.diffuse.openness import bent_normals, openness
+from diffprt.transfer.diffuse.retrace import RetracedOperator
+from diffprt.transfer.diffuse.sheets import SheetOperator
+from diffprt.transfer.diffuse.signal import Transfer
+
+
+@dataclass(frozen=True)
+class Transport:
+    """What rays found, constant in the material; visibility is frozen and carries no gradient.
+
+    Attributes:
+        receivers: where transfer is wanted.
+        direct: float32 [V, 1, K], transfer without interreflection; where translucent, of both sides.
+        error: float32 [V, 1, K], its standard error.
+        operator: G [V, sources]; None when no bounce was traced.
+        settings: what it was traced with.
+        scene_hash: of the scene.
+        findings: what tracing adds to the certificate.
+    """
+
+    receivers: Receivers
+    direct: torch.Tensor
+    error: torch.Tensor
+    operator: BounceOperator | None
+    settings: BakeSettings
+    scene_hash: str
+    findings: dict = field(default_factory=dict)
+
+    def transfer(
+        self, bounces: int | str | None = None, *, albedo: torch.Tensor | None = None, channels: int | None = None
+    ) -> Transfer:
+        """Transfer after `bounces` interreflections among these receivers.
+
+        Args:
+            bounces: a number, or "converged"; without it, what was asked when tracing.
+            albedo: [V, 3], [V, 1] or [3], in [0, 1]; without it the receivers' own. Gradients reach it, and the
+                receivers of the result have it, so that `shade` uses it too.
+            channels: 1 lets surfaces light each other by their mean albedo; without it, 3 where colors differ.
+
+        Raises:
+            InputError: bounces without a traced operator, an albedo of another shape or range, or light that
+                never leaves (see `converge`).
+        """
+        bounces = self.settings.bounces if bounces is None else bounces
+        if bounces != 0 and self.operator is None:
+            raise InputError(
+                f"{bounces} bounces were asked of transport traced without any: trace with bounces=1 or more"
+            )
+        receivers = self.receivers if albedo is None else self.receivers.with_albedo(albedo)
+        reflectance = receivers.albedo
+        if channels == 1:
+            reflectance = reflectance.mean(1, keepdim=True)
+        elif not reflectance.requires_grad and bool((reflectance == reflectance[:, :1]).all()):
+            reflectance = reflectance[:, :1]
+        if bounces == 0:
+            return self.as_transfer(self.direct, 0, receivers)
+        direct = self.direct.expand(-1, reflectance.shape[1], -1)
+        if bounces != CONVERGED:
+            return self.as_transfer(interreflect(direct, self.operator, reflectance, bounces), bounces, receivers)
+        signal, ended = converge(direct, self.operator, reflectance)
+        return self.as_transfer(signal, ended.products, receivers, ended.as_certificate())
+
+    def as_transfer(
+        self, signal: torch.Tensor, bounces: int, receivers: Receivers | None = None, findings: dict | None = None
+    ) -> Transfer:
+        """`signal` [V, C, K] at these receivers, with settings and certificate; `findings` join the latter."""
+        return Transfer(
+            signal.contiguous(),
+            receivers or self.receivers,
+            {**self.settings.as_dict(), "bounces": bounces},
+            {},
+            _certificate(signal.detach(), self.error) | self.findings | (findings or {}),
+            self.scene_hash,
+            openness(self.direct),
+            bent_normals(self.direct, self.receivers.normals),
+        )
+
+
+def trace_transport(
+    surfaces: Surfaces,
+    mesh: TriangleMesh,
+    receivers: Receivers,
+    settings: BakeSettings,
+    *,
+    scene_hash: str,
+    threads: int,
+    folder: Path | None,
+    track: Track,
+    report: dict,
+    store_operator: bool = True,
+    fill_inside: bool = True,
+) -> Transport:
+    """Traces `receivers` against `mesh` in resumable chunks.
+
+    Args:
+        store_operator: False traces the bounce operator again for every product.
+        fill_inside: see `diffprt.transfer.diffuse.inside`.
+        folder: where finished chunks live; None keeps them in memory.
+        report: its "timings" and "counts" are added to.
+
+    Raises:
+        InputError: the folder belongs to another bake or cannot be written.
+        Interrupted: Ctrl-C.
+    """
+    timings, counts = report["timings"], report["counts"]
+    with timed(timings, "compiling kernels"):
+        sides = Sides.of(receivers)
+        traced = receivers if sides is None else sides.traced
+        order = traced.along_curve()
+        ordered = traced.reordered(order)
+        scramble = ordered.scramble(settings.seed, surfaces.positions.amin(0), surfaces.diagonal)
+        pattern = Pattern.create(settings.rays, scramble)
+        corners = surfaces.source_of_corner.numpy() if settings.reflects else None
+        stored = corners if store_operator else None
+        tracer = DirectTracer(mesh, ordered, pattern, settings.order, stored, len(surfaces.receivers))
+    key = {
+        "scene": scene_hash,
+        "receivers": traced.hash(),
+        **settings.as_dict(),
+        "bounces": stored is not None,
+        "chunks": "along a curve",
+    }
+    store = ChunkStore(folder, key, tracer.chunks)
+    done = store.finished()
+    counts["chunks"] = counts.get("chunks", 0) + tracer.chunks
+    counts["resumed_chunks"] = counts.get("resumed_chunks", 0) + len(done)
+    counts["recomputed_in_flight"] = counts.get("recomputed_in_flight", 0) + store.in_flight()
+
+    def work(chunk: int) -> None:
+        store.begin(chunk)
+        sums, blocked, rows = tracer.trace(chunk)
+        arrays = {"sums": sums, "blocked": blocked}
+        if rows is not None:
+            arrays |= {"counts": rows.counts, "columns": rows.columns, "values": rows.values}
+        store.write(chunk, arrays)
+
+    missing = sorted(set(range(tracer.chunks)) - set(done))
+    with (
+        timed(timings, "visibility and transfer"),
+        track("tracing", tracer.chunks, len(done)) as advance,
+        closing(run_chunks(work, missing, threads=threads)) as running,
+    ):
+        try:
+            for _ in running:
+                advance()
+        except KeyboardInterrupt:
+            running.close()
+            kept = f"kept in {folder}: repeat the command to go on" if folder else "lost: give a checkpoint folder"
+            raise Interrupted(f"interrupted: {len(store.finished())} of {tracer.chunks} chunks are {kept}") from None
+    with timed(timings, "gathering chunks"):
+        parts = [store.read(chunk) for chunk in range(tracer.chunks)]
+        sums = torch.from_numpy(np.concatenate([p["sums"] for p in parts], axis=1))
+        blocked = torch.from_numpy(np.concatenate([p["blocked"] for p in parts]))
+        place = order.argsort()
+        direct, error = (part[place] for part in direct_transfer(ordered.normals, sums, blocked, settings.rays))
+        blocked, scramble = blocked[place], scramble[place]
+        operator: BounceOperator | None = None
+        if stored is not None:
+            rows = [OperatorRows(p["counts"], p["columns"], p["values"]) for p in parts]
+            operator = StoredOperator(rows, len(surfaces.receivers), order)
+        elif corners is not None:
+            hits = DirectTracer(mesh, ordered, pattern, 0, corners, len(surfaces.receivers))
+            operator = RetracedOperator(hits, order, threads)
+        if sides is not None:
+            direct, error = sides.combined(direct), sides.combined_error(error)
+            operator = SheetOperator(operator, sides) if operator is not None else None
+    findings = {}
+    if fill_inside:
+        with timed(timings, "receivers inside geometry"):
+            own = slice(len(receivers))
+            inside = find_inside(mesh, receivers, blocked[own], settings.rays, scramble[own], threads)
+            findings["receivers_inside"] = int(inside.sum())
+            fill = Fill.of(receivers, inside)
+        if fill is not None:
+            direct, error = fill.apply(direct), fill.apply(error)
+            operator = FilledOperator(operator, fill) if operator is not None else None
+    return Transport(receivers, direct, error, operator, settings, scene_hash, findings)
+
+
+def _certificate(signal: torch.Tensor, error: torch.Tensor) -> dict:
+    """Noise of the direct part, as a share of the signal (root mean squares over receivers)."""
+    size = float(signal.double().square().sum(-1).mean().sqrt())
+    noise = float(error.double().square().sum(-1).mean().sqrt())
+    if not np.isfinite(noise):
+        return {}
+    return {"noise_rms": noise, "signal_rms": size, "noise_relative": noise / size if size > 0 else 0.0}

@@ -1,0 +1,1 @@
+"""Glossy transfer: matrices from light to exit radiance."""

@@ -1,0 +1,116 @@
+"""Maps dropped on the page: read and projected as in Python, and refused without a trace when broken."""
+
+from __future__ import annotations
+
+import base64
+
+import numpy as np
+import pytest
+import torch
+
+from diffprt import sh
+from diffprt.exporters import export
+from diffprt.scene import Environment
+
+HEIGHT, WIDTH = 16, 32
+
+
+def rgbe(pixels: np.ndarray) -> np.ndarray:
+    """Texels [H, W, 4], eight bits each."""
+    largest = pixels.max(-1)
+    mantissa, exponent = np.frexp(largest)
+    scale = np.where(largest > 1e-32, mantissa * 256 / np.maximum(largest, 1e-38), 0)
+    return np.concatenate(
+        [(pixels * scale[..., None]), np.where(largest > 1e-32, exponent + 128, 0)[..., None]], -1
+    ).astype(np.uint8)
+
+
+def header(width: int = WIDTH, height: int = HEIGHT) -> bytes:
+    return b"#?RADIANCE\nSOFTWARE=test\nFORMAT=32-bit_rle_rgbe\n\n" + f"-Y {height} +X {width}\n".encode()
+
+
+def flat(texels: np.ndarray) -> bytes:
+    return header() + texels.tobytes()
+
+
+def runs(texels: np.ndarray) -> bytes:
+    """The newer encoding: each row in four planes, of a run and of single bytes."""
+    out = header()
+    for row in texels:
+        out += bytes([2, 2, WIDTH >> 8, WIDTH & 255])
+        for plane in row.T:
+            same = next((i for i in range(1, WIDTH) if plane[i] != plane[0]), WIDTH)
+            out += bytes([128 + same, plane[0]])
+            if same < WIDTH:
+                out += bytes([WIDTH - same]) + plane[same:].tobytes()
+    return out
+
+
+@pytest.fixture(scope="module")
+def texels() -> np.ndarray:
+    generator = np.random.default_rng(5)
+    pixels = generator.uniform(0.1, 2.0, (HEIGHT, WIDTH, 3))
+    pixels[3, 20] = (900.0, 700.0, 400.0)
+    pixels[8:, :9] = 0.25
+    pixels[0] = 0
+    return rgbe(pixels)
+
+
+@pytest.fixture
+def page(clustered, synthetic, tmp_path, open_page):
+    export(clustered, tmp_path, lights={"Noon": synthetic.random_light(clustered.order, 1)})
+    return open_page(tmp_path / "index.html", reduced_motion="reduce")
+
+
+def test_maps_are_projected_as_in_python(texels, page, tmp_path) -> None:
+    (tmp_path / "map.hdr").write_bytes(flat(texels))
+    environment = Environment.load(tmp_path / "map.hdr")
+    for order in (1, 4, 10):
+        expected = environment.project(order).coefficients
+        for content in (flat(texels), runs(texels)):
+            found = page.call("projectHdr", base64.b64encode(content).decode(), order)
+            found = torch.tensor(found).view(-1, 3)
+            assert (found - expected).abs().max() < 1e-3 * expected.abs().max()
+
+    # Through the file chooser it becomes a light, windowed, as bright as the first.
+    first = torch.tensor(page.info()["light"]).view(-1, 3)
+    page.tab.set_input_files("#map", tmp_path / "map.hdr")
+    page.tab.wait_for_function("() => diffprt.info.lightIndex === 1")
+    light = torch.tensor(page.info()["light"]).view(-1, 3)
+    expected, _ = sh.apply_window(environment.project(4).coefficients, "hann")
+    expected = expected * (first[0].sum() / expected[0].sum())
+    torch.testing.assert_close(light, expected, rtol=1e-3, atol=1e-3)
+    assert page.tab.get_by_label("map").is_checked()
+
+
+def test_broken_maps_change_nothing(texels, page) -> None:
+    whole = runs(texels)
+    row = len(header())
+    wide = bytearray(whole)
+    wide[row + 4] = 255  # a run longer than the row
+    cases = {
+        "no.hdr": (b"GIF89a" + bytes(40), "not a Radiance picture"),
+        "empty.hdr": (b"", "not a Radiance picture"),
+        "short.hdr": (whole[:-40], "ends before its last row"),
+        "flat.hdr": (flat(texels)[:-1], "ends before its last row"),
+        "run.hdr": (bytes(wide), "a run that leaves its row"),
+        "square.hdr": (header(16, 16) + bytes(16 * 16 * 4), "twice as wide as high"),
+        "xyz.hdr": (whole.replace(b"_rgbe", b"_xyze"), "not RGBE"),
+        "huge.hdr": (header(80000, 40000), "more than fits"),
+        "up.hdr": (whole.replace(b"-Y 16 +X", b"+Y 16 +X"), "do not run from the top left"),
+    }
+    before, info = page.pixels()[0], page.info()
+    for name, (content, words) in cases.items():
+        script = """([name, text]) => {
+          const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
+          const transfer = new DataTransfer();
+          transfer.items.add(new File([bytes], name));
+          document.body.dispatchEvent(new DragEvent("drop", { dataTransfer: transfer, bubbles: true }));
+        }"""
+        page.tab.evaluate(script, [name, base64.b64encode(content).decode()])
+        page.tab.wait_for_function(f"() => document.querySelector('#message p').textContent.startsWith('{name}')")
+        said = page.tab.locator("#message p").inner_text()
+        assert words in said and said.endswith("nothing was changed."), said
+        page.tab.get_by_role("button", name="Dismiss").click()
+    assert page.info() == info
+    assert np.array_equal(page.pixels()[0], before)
