@@ -1,13 +1,19 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test lint notebooks clean
+# Two or more workers; a worker that runs out of tests takes some of another's.
+PARALLEL := -n logical --maxprocesses 8 --dist worksteal
+
+.PHONY: demo test test-all lint notebooks clean
 
 demo: .venv/installed
 	$(BIN)/diffprt demo -o demo
 
 test: .venv/installed
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest $(PARALLEL) -m "not slow"
+
+test-all: .venv/installed
+	$(BIN)/python -m pytest $(PARALLEL)
 
 lint: .venv/installed
 	$(BIN)/ruff check .

@@ -1,13 +1,33 @@
-"""What tests of several rooms share: small scenes, and peers that CI may not skip."""
+"""What tests of several rooms share: kernels compiled once, small scenes, and peers that CI may not skip."""
 
 import importlib
 import os
+import pkgutil
 
 import pytest
 import torch
+import warp
 
+import diffprt.kernels
 from diffprt.scene import Scene, builtin_scene
 from diffprt.transfer import Transfer, bake
+
+KERNEL_MODULES = (
+    *(f"diffprt.kernels.{module.name}" for module in pkgutil.iter_modules(diffprt.kernels.__path__)),
+    "diffprt.study.visibility.brute_force",
+)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_configure(config) -> None:
+    """Before several workers start: every kernel is compiled once, and each worker is given one core of torch's."""
+    if hasattr(config, "workerinput") or not getattr(config.option, "numprocesses", None):
+        return
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    for name in KERNEL_MODULES:
+        module = importlib.import_module(name)
+        kernels = [value for value in vars(module).values() if isinstance(value, warp.Kernel)]
+        diffprt.kernels.compile_kernels(*(kernel for kernel in kernels if kernel.module.name == name))
 
 
 def bumpy_sphere(subdivisions: int = 3, bump: float = 0.3) -> Scene:
