@@ -6,8 +6,9 @@ from .clustered.quantize import dequantize as dequantize
 from .clustered.quantize import quantize as quantize
 from .clustered.quantize import rounded as rounded
 from .clustered.signal import ClusteredSignal as ClusteredSignal
+from .clusters.components import cluster_pca as cluster_pca
 from .clusters.partition import Partition as Partition
-from .clusters.pca import cluster_pca as cluster_pca
+from .clusters.principal_projection import principal_projection as principal_projection
 from .clusters.subspaces import Subspaces as Subspaces
 from .clusters.subspaces import fit_subspaces as fit_subspaces
 from .compress import compress as compress
@@ -31,4 +32,3 @@ from .overdraw.super_clusters import SuperClusters as SuperClusters
 from .overdraw.super_clusters import clusters_per_pass as clusters_per_pass
 from .overdraw.super_clusters import super_clusters as super_clusters
 from .prior import light_prior as light_prior
-from .projector import principal_projection as principal_projection

@@ -9,7 +9,7 @@ import torch
 
 from diffprt.compression.clustered.quantize import check_format, rounded, stored_bytes
 from diffprt.compression.clusters.blend import blend
-from diffprt.compression.clusters.pca import cluster_pca
+from diffprt.compression.clusters.components import cluster_pca, least_squares
 from diffprt.compression.methods.by_name import best_method, cluster
 from diffprt.errors import InputError
 from diffprt.torch_threads import one_torch_thread
@@ -128,7 +128,8 @@ def encode(
     if bases_format != "float32":
         means = rounded(means[:, None], bases_format)[:, 0]
         bases = rounded(bases, bases_format)
-        weights = _weights(weighted, found.labels, means, bases, scale)
+        one = torch.ones_like(means[0]) if scale is None else scale
+        weights = least_squares(weighted, means * one, bases * one, found.labels)
     weights = rounded(weights, weights_format, ranges=found.labels)
     timings = {**found.timings, "components": time.perf_counter() - begun}
     counts: dict = {"clusters_dropped": clusters - count, "iterations": found.iterations}
@@ -178,16 +179,3 @@ def _orthonormal(bases: torch.Tensor, weights: torch.Tensor, labels: torch.Tenso
     sign = triangle.diagonal(dim1=1, dim2=2).sign() * present
     turned = torch.einsum("vp,vqp->vq", weights.double(), (sign[:, :, None] * triangle)[labels])
     return (sign[:, None] * directions).transpose(1, 2).to(bases.dtype), turned.to(weights.dtype)
-
-
-def _weights(
-    weighted: torch.Tensor, labels: torch.Tensor, means: torch.Tensor, bases: torch.Tensor, scale: torch.Tensor | None
-) -> torch.Tensor:
-    """Least-squares weights for bases that rounding has bent, in the error that the prior weighs."""
-    scale = torch.ones_like(means[0]) if scale is None else scale
-    inverse = torch.linalg.pinv((bases * scale).double(), rtol=1e-6).to(weighted.dtype)
-    result = weighted.new_empty(len(weighted), bases.shape[1])
-    order = labels.argsort(stable=True)
-    for m, members in enumerate(order.split(torch.bincount(labels, minlength=len(means)).tolist())):
-        result[members] = (weighted[members] - means[m] * scale) @ inverse[m]
-    return result

@@ -7,6 +7,8 @@ from dataclasses import replace
 import torch
 
 from diffprt.compression import cluster_pca, rounded
+from diffprt.compression.clusters.components import least_squares
+from diffprt.compression.clusters.partition import members
 from diffprt.compression.encode import encoded_bytes
 from diffprt.errors import InputError
 from diffprt.optimization.lattice import fine_weights, tilt
@@ -90,7 +92,7 @@ def encoded(asset, metric: Metric):
     if asset.weights_format == "uint8":
         weights = fine_weights(rows, near, tilted, labels, pairs)
     else:
-        weights = rounded(_least_squares(rows, near, tilted, labels), asset.weights_format)
+        weights = rounded(least_squares(rows, near, tilted, labels), asset.weights_format)
     return replace(asset, means=means, bases=plain, weights=weights)
 
 
@@ -103,24 +105,14 @@ def principal(bases: torch.Tensor, weights: torch.Tensor, labels: torch.Tensor) 
         labels: int64 [V].
     """
     turned, blended = torch.zeros_like(bases), torch.zeros_like(weights)
-    order = labels.argsort(stable=True)
-    for m, members in enumerate(order.split(torch.bincount(labels, minlength=len(bases)).tolist())):
+    for m, rows in enumerate(members(labels, len(bases))):
         directions, triangle = torch.linalg.qr(bases[m].double().T)
-        own = weights[members].double() @ triangle.T
+        own = weights[rows].double() @ triangle.T
         _, axes = torch.linalg.eigh(own.T @ own)
         axes = axes.flip(1)
         turned[m] = (directions @ axes).T.to(bases.dtype)
-        blended[members] = (own @ axes).to(weights.dtype)
+        blended[rows] = (own @ axes).to(weights.dtype)
     return turned, blended
-
-
-def _least_squares(rows: torch.Tensor, means: torch.Tensor, bases: torch.Tensor, labels: torch.Tensor) -> torch.Tensor:
-    result = rows.new_empty(len(rows), bases.shape[1])
-    order = labels.argsort(stable=True)
-    inverse = torch.linalg.pinv(bases.double(), rtol=1e-6).to(rows.dtype)
-    for m, members in enumerate(order.split(torch.bincount(labels, minlength=len(means)).tolist())):
-        result[members] = (rows[members] - means[m]) @ inverse[m]
-    return result
 
 
 def _bytes(asset, components: int, weights_format: str, bases_format: str) -> int:

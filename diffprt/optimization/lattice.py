@@ -17,9 +17,9 @@ from dataclasses import dataclass
 
 import torch
 
-from diffprt.compression import rounded
+from diffprt.compression.clustered.quantize import LEVELS, rounded, spans
+from diffprt.compression.clusters.partition import members
 
-LEVELS = 255
 # Below this ratio of steps nothing is gained; above the other, rounding would look at too many levels.
 _LEAST_RATIO, _MOST_NEIGHBORS = 4.0, 48.0
 
@@ -49,8 +49,7 @@ def tilt(bases: torch.Tensor, weights: torch.Tensor, labels: torch.Tensor) -> tu
     Returns:
         bases [M, P, D], and the pairs.
     """
-    low, high = weight_ranges(weights, labels, len(bases))
-    step = (high - low) / LEVELS
+    step = spans(weights, labels, len(bases))[1]
     order = step.argsort(dim=1, descending=True)
     half = bases.shape[1] // 2
     wide, narrow = order[:, :half], order.flip(1)[:, :half]
@@ -79,23 +78,11 @@ def fine_weights(
         values that survive storage as they are (`rounded`).
     """
     result = torch.zeros(len(rows), bases.shape[1], dtype=torch.float64)
-    order = labels.argsort(stable=True)
-    counts = torch.bincount(labels, minlength=len(means)).tolist()
-    for m, members in enumerate(order.split(counts)):
-        if len(members):
-            own = rows[members].double() - means[m].double()
-            result[members] = _cluster_weights(
-                own, bases[m].double(), pairs.wide[m], pairs.narrow[m], pairs.neighbors[m]
-            )
+    for m, own in enumerate(members(labels, len(means))):
+        if len(own):
+            away = rows[own].double() - means[m].double()
+            result[own] = _cluster_weights(away, bases[m].double(), pairs.wide[m], pairs.narrow[m], pairs.neighbors[m])
     return rounded(result.float(), "uint8", ranges=labels)
-
-
-def weight_ranges(weights: torch.Tensor, labels: torch.Tensor, clusters: int) -> tuple[torch.Tensor, torch.Tensor]:
-    """Least and greatest weight [M, P] of every cluster and component."""
-    index = labels[:, None].expand_as(weights)
-    start = weights.new_zeros(clusters, weights.shape[1])
-    low = start.scatter_reduce(0, index, weights, "amin", include_self=False)
-    return low, start.scatter_reduce(0, index, weights, "amax", include_self=False)
 
 
 def _cluster_weights(

@@ -9,7 +9,7 @@ import torch
 
 from diffprt.compression import clusters_per_pass, encode, lbg, overdraw, squared_errors, super_clusters
 from diffprt.compression.clusters.partition import canonical
-from diffprt.compression.clusters.span import principal_span
+from diffprt.compression.clusters.randomized_pca import principal_span
 from diffprt.compression.methods.by_name import best_method
 from diffprt.errors import InputError
 from diffprt.scene import Scene, load_scene

@@ -19,12 +19,11 @@ from diffprt.compression.clusters.near import near_clusters
 from diffprt.compression.clusters.partition import canonical
 from diffprt.compression.clusters.subspaces import Subspaces, fit_subspaces
 from diffprt.compression.methods.anneal import anneal, spared_draws
-from diffprt.compression.methods.geometry_coherence import PLACES, _assign, nearest_member, unit_box
-from diffprt.compression.methods.overdraw_price import _edges, cohere
-from diffprt.compression.methods.patches import islands, patches, sweep_patches
-from diffprt.compression.methods.placed import placed
+from diffprt.compression.methods.geometry_coherence import PLACES, _assign, nearest_member
+from diffprt.compression.methods.label_descent import islands, patches, sweep, sweep_patches
+from diffprt.compression.methods.priced_overdraw import _edges, cohere
 from diffprt.compression.methods.reclassify import reclassify
-from diffprt.compression.methods.sweep import sweep
+from diffprt.compression.methods.starts import placed, unit_box
 from diffprt.compression.overdraw.corners import Corners
 from diffprt.errors import InputError
 from diffprt.scene import builtin_scene

@@ -8,7 +8,7 @@ import torch
 
 from diffprt.compression import STARTS, fit_subspaces, k_subspaces, lbg
 from diffprt.compression.clusters.partition import canonical, member_means, nearest
-from diffprt.compression.clusters.span import principal_span
+from diffprt.compression.clusters.randomized_pca import principal_span
 from diffprt.compression.methods.lbg import fill_empty
 from diffprt.errors import InputError
 

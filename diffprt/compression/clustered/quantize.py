@@ -9,7 +9,7 @@ import torch
 from diffprt.errors import InputError
 
 FORMATS = ("float32", "float16", "uint8")
-_LEVELS = 255
+LEVELS = 255
 _LARGEST_HALF = torch.finfo(torch.float16).max
 
 
@@ -67,12 +67,12 @@ def quantize(values: torch.Tensor, format: str, *, ranges: torch.Tensor | None =
         if largest > _LARGEST_HALF:
             raise InputError(f"a value of {largest:g} is beyond float16's {_LARGEST_HALF:g}: use uint8 or float32")
         return Quantized(values.half(), none, none)
-    offsets, steps = _ranges(values, ranges)
+    offsets, steps = spans(values.float(), ranges)
     rows = torch.arange(len(values)) if ranges is None else ranges
     shape = (len(values), values.shape[1]) + (1,) * (values.dim() - 2)
     offset, step = offsets[rows].view(shape), steps[rows].view(shape)
     # a range of zero width has step 0: its code is 0 and its value the offset
-    codes = ((values - offset) / torch.where(step > 0, step, 1.0)).round().clamp(0, _LEVELS)
+    codes = ((values - offset) / torch.where(step > 0, step, 1.0)).round().clamp(0, LEVELS)
     return Quantized(codes.to(torch.uint8), offsets, steps)
 
 
@@ -102,13 +102,15 @@ def rounded(values: torch.Tensor, format: str, *, ranges: torch.Tensor | None = 
     return values + (stored - values).detach() if values.requires_grad else stored
 
 
-def _ranges(values: torch.Tensor, ranges: torch.Tensor | None) -> tuple[torch.Tensor, torch.Tensor]:
-    """Offset and step float32 [R, P] of each range."""
-    flat = values.float().unsqueeze(-1).flatten(2)
+def spans(
+    values: torch.Tensor, ranges: torch.Tensor | None, count: int | None = None
+) -> tuple[torch.Tensor, torch.Tensor]:
+    """Offset and step [R, P] of each range of float [N, P, ...]; `count` is R where the last ranges are empty."""
+    flat = values.unsqueeze(-1).flatten(2)
     low, high = flat.amin(2), flat.amax(2)
     if ranges is not None:
-        count, index = int(ranges.max()) + 1, ranges[:, None].expand(-1, values.shape[1])
-        start = low.new_zeros(count, values.shape[1])
+        index = ranges[:, None].expand_as(low)
+        start = low.new_zeros(int(ranges.max()) + 1 if count is None else count, low.shape[1])
         low = start.scatter_reduce(0, index, low, "amin", include_self=False)
         high = start.scatter_reduce(0, index, high, "amax", include_self=False)
-    return low, (high - low) / _LEVELS
+    return low, (high - low) / LEVELS

@@ -12,6 +12,7 @@ import numpy as np
 import torch
 from scipy.sparse import csr_matrix
 
+from diffprt.compression.clusters.partition import members
 from diffprt.compression.clusters.subspaces import Subspaces
 from diffprt.compression.overdraw.corners import Corners
 
@@ -48,13 +49,11 @@ class NearErrors:
         """
         units = torch.arange(len(vectors)) if units is None else units
         errors = vectors.new_full((len(vectors), near.shape[1]), torch.inf)
-        order = units[labels[units].argsort(stable=True)]
-        counts = torch.bincount(labels[units], minlength=len(near)).tolist()
-        for cluster, members in enumerate(order.split(counts)):
-            if len(members):
-                rivals = near[cluster]
-                errors[members] = _errors(
-                    vectors[members] - subspaces.means[cluster],
+        for cluster, places in enumerate(members(labels[units], len(near))):
+            if len(places):
+                rows, rivals = units[places], near[cluster]
+                errors[rows] = _errors(
+                    vectors[rows] - subspaces.means[cluster],
                     subspaces.means[rivals] - subspaces.means[cluster],
                     subspaces.bases[rivals],
                 )

@@ -46,6 +46,11 @@ def canonical(labels: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
     return rank[inverse], used[order]
 
 
+def members(labels: torch.Tensor, clusters: int) -> tuple[torch.Tensor, ...]:
+    """The rows of each of `clusters` clusters, int64, ascending; of labels int64 [V]."""
+    return labels.argsort(stable=True).split(torch.bincount(labels, minlength=clusters).tolist())
+
+
 def member_sums(values: torch.Tensor, labels: torch.Tensor, clusters: int) -> torch.Tensor:
     """Sums [M, D] of the rows of `values` [V, D] over the members of each cluster."""
     # One sparse product: index_add_ would write rows one after another in no order that caches like.

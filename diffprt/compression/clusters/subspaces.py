@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import torch
 
-from diffprt.compression.clusters.partition import member_means
+from diffprt.compression.clusters.partition import member_means, members
 
 _CELLS = 1 << 17
 
@@ -45,10 +45,9 @@ class Subspaces:
     def own(self, vectors: torch.Tensor, labels: torch.Tensor) -> torch.Tensor:
         """Squared distance [V] of every vector to the subspace of its own cluster."""
         errors = vectors.new_empty(len(vectors))
-        counts = torch.bincount(labels, minlength=len(self.means))
-        for cluster, members in enumerate(labels.argsort(stable=True).split(counts.tolist())):
-            away = vectors[members] - self.means[cluster]
-            errors[members] = away.square().sum(1) - (away @ self.bases[cluster].T).square().sum(1)
+        for cluster, rows in enumerate(members(labels, len(self.means))):
+            away = vectors[rows] - self.means[cluster]
+            errors[rows] = away.square().sum(1) - (away @ self.bases[cluster].T).square().sum(1)
         return errors.clamp_min(0)
 
 
@@ -80,9 +79,7 @@ def fit_subspaces(
         generator = torch.Generator().manual_seed(seed)
         bases = torch.randn(clusters, components, size, generator=generator, dtype=vectors.dtype)
         passes += 3
-    counts = torch.bincount(labels, minlength=clusters)
-    groups = labels.argsort(stable=True).split(counts.tolist())
-    centered = [vectors[members] - mean for members, mean in zip(groups, means, strict=True)]
+    centered = [vectors[rows] - mean for rows, mean in zip(members(labels, clusters), means, strict=True)]
     axes = bases[:, :kept].transpose(1, 2).contiguous()
     for _ in range(passes if kept else 0):
         axes = torch.stack([own.T @ (own @ start) for own, start in zip(centered, axes.unbind(), strict=True)])

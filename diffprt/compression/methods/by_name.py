@@ -8,14 +8,14 @@ from dataclasses import dataclass, field
 import torch
 
 from diffprt.compression.clusters.partition import Partition, canonical
-from diffprt.compression.clusters.span import principal_span
+from diffprt.compression.clusters.randomized_pca import principal_span
 from diffprt.compression.clusters.subspaces import fit_subspaces
 from diffprt.compression.methods.geometry_coherence import lbg_coherent
 from diffprt.compression.methods.k_subspaces import k_subspaces
 from diffprt.compression.methods.lbg import lbg
 from diffprt.compression.methods.mesh_subspaces import cluster_on_mesh
-from diffprt.compression.methods.placed import placed
 from diffprt.compression.methods.reclassify import reclassify
+from diffprt.compression.methods.starts import placed
 from diffprt.compression.overdraw.corners import Corners
 from diffprt.errors import InputError
 

@@ -9,17 +9,11 @@ from scipy.spatial import cKDTree
 
 from diffprt.compression.clusters.partition import Partition, canonical, member_means, nearest
 from diffprt.compression.methods.lbg import fill_empty, start_centers
+from diffprt.compression.methods.starts import unit_box
 from diffprt.errors import InputError
 
 PLACES = ("nearest", "mean")
 _ROWS = 4096
-
-
-def unit_box(positions: torch.Tensor) -> torch.Tensor:
-    """Positions [V, 3] moved and scaled alike in all axes into the unit box, float64: equation 9 depends on units."""
-    low = positions.double().amin(0)
-    extent = float((positions.double().amax(0) - low).max())
-    return (positions.double() - low) / (extent or 1.0)
 
 
 def nearest_member(positions: torch.Tensor, labels: torch.Tensor, cluster: int, queries: torch.Tensor) -> torch.Tensor:

@@ -9,7 +9,7 @@ import torch
 from diffprt.compression.clusters.subspaces import fit_subspaces
 from diffprt.compression.methods.anneal import anneal
 from diffprt.compression.methods.k_subspaces import k_subspaces
-from diffprt.compression.methods.overdraw_price import cohere
+from diffprt.compression.methods.priced_overdraw import cohere
 
 _SOFT_PRICE = 0.5
 _BELOW_LBG = 0.95

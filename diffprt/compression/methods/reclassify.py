@@ -6,7 +6,7 @@ import torch
 
 from diffprt.compression.clusters.near import NearErrors, near_clusters
 from diffprt.compression.clusters.subspaces import Subspaces
-from diffprt.compression.methods.sweep import sweep
+from diffprt.compression.methods.label_descent import sweep
 from diffprt.compression.overdraw.corners import Corners
 
 _SWEEPS = 16

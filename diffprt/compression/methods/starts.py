@@ -41,3 +41,29 @@ def hyper_box(vectors: torch.Tensor, clusters: int, generator: torch.Generator) 
     low, high = vectors.amin(0), vectors.amax(0)
     spread = torch.rand(clusters, vectors.shape[1], generator=generator, dtype=torch.float64).to(vectors.dtype)
     return low + spread * (high - low)
+
+
+def unit_box(positions: torch.Tensor) -> torch.Tensor:
+    """Positions [V, 3] moved and scaled alike in all axes into the unit box, float64: equation 9 depends on units."""
+    low = positions.double().amin(0)
+    extent = float((positions.double().amax(0) - low).max())
+    return (positions.double() - low) / (extent or 1.0)
+
+
+def placed(vectors: torch.Tensor, positions: torch.Tensor, *, share: float = 1.0) -> torch.Tensor:
+    """Signals [V, D] and positions [V, 3] side by side, [V, D + 3], for k-means of both.
+
+    The signal of a small patch of surface varies in few directions, whichever signal that is. Means alone do not see
+    that: they gather receivers of like signal from all over the mesh, which vary in many.
+
+    Args:
+        vectors: float [V, D].
+        positions: float [V, 3], in any unit.
+        share: variance of the positions, scaled alike in all axes, over that of the signals.
+    """
+    points = unit_box(positions)
+    points = points - points.mean(0)
+    extent = float(points.square().sum(1).mean())
+    spread = float((vectors - vectors.mean(0)).square().sum(1, dtype=torch.float64).mean())
+    scale = (share * spread / extent) ** 0.5 if extent > 0 else 0.0
+    return torch.cat([vectors, (scale * points).to(vectors.dtype)], 1)

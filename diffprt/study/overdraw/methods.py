@@ -9,10 +9,10 @@ from importlib import import_module
 import torch
 
 from diffprt.compression import METHODS, clusters_per_pass, encode, lbg
+from diffprt.compression.clusters.components import cluster_pca
 from diffprt.compression.clusters.partition import member_means
-from diffprt.compression.clusters.pca import cluster_pca
 from diffprt.compression.encode import Encoded
-from diffprt.compression.methods.geometry_coherence import unit_box
+from diffprt.compression.methods.starts import unit_box
 from diffprt.errors import InputError
 from diffprt.study.overdraw.signal import Signal
 

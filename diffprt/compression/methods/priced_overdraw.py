@@ -8,9 +8,8 @@ import torch
 
 from diffprt.compression.clusters.near import NearErrors, near_clusters
 from diffprt.compression.clusters.subspaces import Subspaces, fit_subspaces
+from diffprt.compression.methods.label_descent import sweep, sweep_patches
 from diffprt.compression.methods.lbg import fill_empty
-from diffprt.compression.methods.patches import sweep_patches
-from diffprt.compression.methods.sweep import sweep
 from diffprt.compression.overdraw.corners import Corners
 from diffprt.compression.overdraw.overdraw import draws, overdraw
 from diffprt.compression.overdraw.super_clusters import super_clusters

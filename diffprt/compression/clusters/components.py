@@ -1,8 +1,10 @@
-"""Principal components of each cluster."""
+"""Principal components of each cluster, the weights of its members, and other bases of the same span."""
 
 from __future__ import annotations
 
 import torch
+
+from diffprt.compression.clusters.partition import members
 
 
 def cluster_pca(
@@ -25,25 +27,33 @@ def cluster_pca(
     means = torch.zeros(clusters, size, dtype=torch.float64)
     bases = torch.zeros(clusters, components, size, dtype=torch.float64)
     weights = torch.zeros(len(vectors), components, dtype=torch.float64)
-    order = labels.argsort(stable=True)
-    for cluster, members in enumerate(order.split(torch.bincount(labels, minlength=clusters).tolist())):
-        if len(members) == 0:
+    for cluster, rows in enumerate(members(labels, clusters)):
+        if len(rows) == 0:
             continue
-        own = vectors[members].double()
+        own = vectors[rows].double()
         means[cluster] = own.mean(0)
         centered = own - means[cluster]
         axes = _principal_axes(centered, components)
         bases[cluster, : len(axes)] = axes
-        weights[members] = centered @ bases[cluster].T
+        weights[rows] = centered @ bases[cluster].T
     return means.to(vectors.dtype), bases.to(vectors.dtype), weights.to(vectors.dtype)
+
+
+def least_squares(rows: torch.Tensor, means: torch.Tensor, bases: torch.Tensor, labels: torch.Tensor) -> torch.Tensor:
+    """Weights [V, P] with which means [M, D] and bases [M, P, D], orthonormal or not, come closest to rows [V, D]."""
+    weights = rows.new_empty(len(rows), bases.shape[1])
+    inverse = torch.linalg.pinv(bases.double(), rtol=1e-6).to(rows.dtype)
+    for cluster, own in enumerate(members(labels, len(means))):
+        weights[own] = (rows[own] - means[cluster]) @ inverse[cluster]
+    return weights
 
 
 def _principal_axes(centered: torch.Tensor, components: int) -> torch.Tensor:
     """At most `components` orthonormal rows, by falling variance; none of variance zero."""
-    members, size = centered.shape
+    count, size = centered.shape
     if components == 0:
         return centered.new_zeros(0, size)
-    if members < size:
+    if count < size:
         values, vectors = torch.linalg.eigh(centered @ centered.T)
         vectors = centered.T @ vectors / values.clamp_min(torch.finfo(torch.float64).tiny).sqrt()
     else:
