@@ -19,7 +19,7 @@ def make_folder(folder: Path) -> None:
 
 
 def write_whole(path: Path, content: bytes, what: str) -> Path:
-    """Writes beside `path` and renames.
+    """Writes beside `path`, flushes to disk, renames, and flushes the folder: what is there then survives a crash.
 
     Args:
         path: the file, in a folder that exists; one that is there is replaced.
@@ -31,9 +31,23 @@ def write_whole(path: Path, content: bytes, what: str) -> Path:
     """
     partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
     try:
-        partial.write_bytes(content)
+        with open(partial, "wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
         partial.replace(path)
+        _flush(path.parent)
     except OSError as error:
         partial.unlink(missing_ok=True)
         raise InputError(f"{what} {path} cannot be written ({error.strerror}): {_REMEDY}") from error
     return path
+
+
+def _flush(folder: Path) -> None:
+    """Puts the names in a folder on disk, where the system lets folders be opened."""
+    if os.name == "posix":
+        handle = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)

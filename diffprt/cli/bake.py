@@ -13,15 +13,12 @@ from diffprt.cli.glossy import bake_glossy_scene, refuse_with_brdf
 from diffprt.cli.inputs import load_light, load_scene, parse_bounces
 from diffprt.cli.report import JsonFile, check_output, print_table, size_text, write_report
 from diffprt.errors import InputError
+from diffprt.options.bake import CONVERGED, OPERATORS, BakeOptions, BakeSettings, GlossySettings
 from diffprt.planning import plan
 from diffprt.progress import status, track
 from diffprt.representation import files as assets
 from diffprt.transfer import (
-    CONVERGED,
-    OPERATORS,
-    BakeSettings,
     Estimate,
-    GlossySettings,
     SamplingRate,
     available_memory,
     bake,
@@ -71,7 +68,7 @@ def run(
     json_file: Path = JsonFile,
 ) -> None:
     asked = parse_bounces(bounces)
-    settings = BakeSettings.of(quality, order=order, rays=rays, bounces=asked, seed=seed)
+    settings = BakeOptions(quality=quality, order=order, rays=rays, bounces=asked, seed=seed).settings()
     if operator not in OPERATORS:
         raise InputError(f"operator is '{operator}': use one of {', '.join(OPERATORS)}")
     if threads is not None and threads < 1:

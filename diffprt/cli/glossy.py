@@ -8,12 +8,12 @@ from pathlib import Path
 from diffprt.brdf import Brdf
 from diffprt.cli.report import check_output, print_table, size_text, write_report
 from diffprt.errors import InputError
+from diffprt.options.bake import GlossySettings
 from diffprt.progress import status, track
 from diffprt.representation import files as assets
 from diffprt.scene import Scene
 from diffprt.transfer import (
     GlossyEstimate,
-    GlossySettings,
     available_memory,
     bake_glossy,
     check_glossy_memory,

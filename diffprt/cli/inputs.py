@@ -8,7 +8,7 @@ from pathlib import Path
 import torch
 
 from diffprt.errors import InputError
-from diffprt.planning import CONVERGED
+from diffprt.options.bake import CONVERGED
 from diffprt.scene import BUILTIN_ENVIRONMENTS, Environment, Light, Scene, builtin_environment
 
 

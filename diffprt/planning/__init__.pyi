@@ -1,4 +1,3 @@
-from .decision import CONVERGED as CONVERGED
 from .decision import Decision as Decision
 from .decision import Plan as Plan
 from .plan import plan as plan

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import torch
 
+from diffprt.options.bake import CONVERGED
 from diffprt.planning.confidence import CONFIDENCE, mean_above, mean_below, share_below
-from diffprt.planning.decision import CONVERGED, Decision, percent
+from diffprt.planning.decision import Decision, percent
 from diffprt.planning.pilot import MOST_BOUNCES, Pilot, Walks
 
 # Norms of an open receiver's transfer in one band, and in all: no receiver's has more.

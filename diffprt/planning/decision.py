@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import asdict, dataclass, field, replace
 
-# Bounces of light that hardly fades: all of them, by solving for what they converge to.
-CONVERGED = "converged"
 EFFECTS = ("shadows", "bounces", "channels", "order", "transfer")
 
 

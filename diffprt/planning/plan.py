@@ -9,8 +9,9 @@ import torch
 
 from diffprt import sh
 from diffprt.errors import InputError
+from diffprt.options.bake import CONVERGED
 from diffprt.planning.bounces import decide_bounces, decide_channels
-from diffprt.planning.decision import CONVERGED, Decision, Plan
+from diffprt.planning.decision import Decision, Plan
 from diffprt.planning.open_proof import prove_open
 from diffprt.planning.order import decide_order
 from diffprt.planning.pilot import HIGHEST_ORDER, MOST_BOUNCES, Pilot

@@ -12,16 +12,15 @@ unrolled.
 from __future__ import annotations
 
 import math
-import operator
 from functools import lru_cache
 from typing import NamedTuple
 
 import torch
 
 from diffprt.errors import InputError
+from diffprt.options.ranges import MAXIMUM_ORDER, check_order
 
-# Of lights and transfer, and of the products of two of them.
-MAXIMUM_ORDER = 10
+# Of products of two lights or transfers.
 PRODUCT_ORDER = 2 * MAXIMUM_ORDER - 1
 
 
@@ -31,21 +30,6 @@ class RecurrenceTables(NamedTuple):
     diagonal: torch.Tensor
     a: torch.Tensor
     b: torch.Tensor
-
-
-def check_order(order: int, *, most: int = MAXIMUM_ORDER) -> int:
-    """`order` as a plain int in 1..`most`.
-
-    Raises:
-        InputError: `order` is not a whole number or lies outside 1..`most`.
-    """
-    try:
-        whole = operator.index(order)
-    except TypeError:
-        raise InputError(f"order {order!r} is not a whole number: give order=1 to order={most}") from None
-    if not 1 <= whole <= most:
-        raise InputError(f"order {whole} is outside 1..{most}: give order=1 to order={most}")
-    return whole
 
 
 def coefficient_count(order: int) -> int:

@@ -1,7 +1,6 @@
 from .baking.bake import bake as bake
 from .baking.bake import trace as trace
 from .baking.chunks import discard_chunks as discard_chunks
-from .baking.estimate import OPERATORS as OPERATORS
 from .baking.estimate import Estimate as Estimate
 from .baking.estimate import available_memory as available_memory
 from .baking.estimate import check_memory as check_memory
@@ -12,14 +11,10 @@ from .baking.glossy_estimate import GlossyEstimate as GlossyEstimate
 from .baking.glossy_estimate import check_glossy_memory as check_glossy_memory
 from .baking.glossy_estimate import check_glossy_time as check_glossy_time
 from .baking.glossy_estimate import estimate_glossy as estimate_glossy
-from .baking.glossy_settings import GlossySettings as GlossySettings
 from .baking.sampling_rate import SamplingRate as SamplingRate
 from .baking.sampling_rate import choose_rays as choose_rays
 from .baking.sampling_rate import rays_for_seconds as rays_for_seconds
 from .baking.sampling_rate import rays_for_tolerance as rays_for_tolerance
-from .baking.settings import CONVERGED as CONVERGED
-from .baking.settings import QUALITIES as QUALITIES
-from .baking.settings import BakeSettings as BakeSettings
 from .diffuse.convergence import Convergence as Convergence
 from .diffuse.convergence import converge as converge
 from .diffuse.interreflection import interreflect as interreflect

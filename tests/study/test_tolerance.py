@@ -9,13 +9,14 @@ import torch
 
 from diffprt.cli import main
 from diffprt.errors import InputError
+from diffprt.options.bake import BakeSettings
 from diffprt.scene import builtin_scene
 from diffprt.study.tolerance import study as tolerance
 from diffprt.study.tolerance.chart import tolerance_chart
 from diffprt.study.tolerance.scenes import random_scene
 from diffprt.study.tolerance.study import summary, tolerance_study
 from diffprt.study.tolerance.truth import Truth, fewest_rays
-from diffprt.transfer import BakeSettings, bake
+from diffprt.transfer import bake
 
 QUICK = {"tolerances": (0.1, 0.05), "bounces": (0, 1), "order": 3, "truth_rays": 200_000}
 

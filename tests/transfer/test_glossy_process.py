@@ -7,16 +7,10 @@ import torch
 
 from diffprt.brdf import GGX, ModifiedPhong
 from diffprt.errors import InputError, Interrupted
+from diffprt.options.bake import GlossySettings
 from diffprt.scene import Scene
 from diffprt.surface import Surfaces
-from diffprt.transfer import (
-    GlossySettings,
-    bake_glossy,
-    check_glossy_memory,
-    check_glossy_time,
-    discard_chunks,
-    estimate_glossy,
-)
+from diffprt.transfer import bake_glossy, check_glossy_memory, check_glossy_time, discard_chunks, estimate_glossy
 from diffprt.transfer.baking.glossy_estimate import glossy_memory
 
 

@@ -7,8 +7,9 @@ import pytest
 import torch
 
 from diffprt.errors import InputError
+from diffprt.options.bake import BakeSettings
 from diffprt.scene import builtin_scene
-from diffprt.transfer import BakeSettings, bake, check_memory, check_time, estimate_bake, trace
+from diffprt.transfer import bake, check_memory, check_time, estimate_bake, trace
 from diffprt.transfer.baking import estimate
 from diffprt.transfer.diffuse import retrace
 

@@ -10,9 +10,10 @@ import pytest
 import torch
 
 from diffprt.errors import InputError, Interrupted
+from diffprt.options.bake import BakeSettings
 from diffprt.representation import files as asset
 from diffprt.scene import builtin_scene
-from diffprt.transfer import BakeSettings, bake, check_memory, discard_chunks, estimate_bake
+from diffprt.transfer import bake, check_memory, discard_chunks, estimate_bake
 
 OPTIONS = {"order": 3, "rays": 512, "bounces": 1}
 

@@ -9,10 +9,11 @@ import torch
 
 from diffprt.errors import InputError
 from diffprt.kernels import TriangleMesh
+from diffprt.options.bake import BakeSettings
 from diffprt.scene import Scene, builtin_scene
 from diffprt.surface import Surfaces
 from diffprt.surface.sampling import Pattern
-from diffprt.transfer import BakeSettings, bake, choose_rays, rays_for_tolerance
+from diffprt.transfer import bake, choose_rays, rays_for_tolerance
 from diffprt.transfer.baking.trial import reflected_light, some_receivers, trace_some
 
 

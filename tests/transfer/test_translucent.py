@@ -9,13 +9,14 @@ import torch
 import trimesh
 
 from diffprt.errors import InputError
+from diffprt.options.bake import BakeSettings
 from diffprt.planning import plan
 from diffprt.representation import files as asset
 from diffprt.scene import Material, Mesh, Scene, builtin_scene
 from diffprt.surface import Receivers, StoredOperator
 from diffprt.surface.operator import OperatorRows
 from diffprt.surface.sides import Sides
-from diffprt.transfer import BakeSettings, bake, estimate_bake, interreflect, rays_for_tolerance, trace
+from diffprt.transfer import bake, estimate_bake, interreflect, rays_for_tolerance, trace
 from diffprt.transfer.diffuse.direct import open_transfer
 from diffprt.transfer.diffuse.sheets import SheetOperator
 

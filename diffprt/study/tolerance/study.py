@@ -12,12 +12,13 @@ from pathlib import Path
 import numpy as np
 
 from diffprt.errors import InputError
+from diffprt.options.bake import BakeSettings
 from diffprt.scene import READERS, Scene, load_scene
 from diffprt.study.rows import Rows
 from diffprt.study.tolerance.chart import tolerance_chart
 from diffprt.study.tolerance.scenes import random_scene
 from diffprt.study.tolerance.truth import Truth, fewest_rays
-from diffprt.transfer import BakeSettings, SamplingRate, bake, rays_for_tolerance
+from diffprt.transfer import SamplingRate, bake, rays_for_tolerance
 
 Say = Callable[[str], None]
 

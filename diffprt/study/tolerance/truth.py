@@ -9,11 +9,11 @@ from dataclasses import replace
 import torch
 
 from diffprt.kernels import TriangleMesh, default_threads
+from diffprt.options.bake import BakeSettings
 from diffprt.progress import untracked
 from diffprt.scene import Scene
 from diffprt.surface.sampling import Pattern
 from diffprt.surface.surfaces import Surfaces
-from diffprt.transfer.baking.settings import BakeSettings
 from diffprt.transfer.baking.trial import reflected_light, some_receivers, trace_some
 from diffprt.transfer.diffuse.transport import trace_transport
 

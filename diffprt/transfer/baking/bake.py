@@ -11,15 +11,15 @@ import torch
 
 from diffprt.errors import InputError
 from diffprt.kernels import TriangleMesh, default_threads
+from diffprt.options.bake import CONVERGED, OPERATORS, BakeOptions
 from diffprt.planning import Plan
 from diffprt.progress import Track, timed, untracked
 from diffprt.scene import Scene
 from diffprt.surface.receivers import Receivers
 from diffprt.surface.sides import Sides
 from diffprt.surface.surfaces import Surfaces
-from diffprt.transfer.baking.estimate import OPERATORS, choose_operator
+from diffprt.transfer.baking.estimate import choose_operator
 from diffprt.transfer.baking.sampling_rate import SamplingRate, choose_rays
-from diffprt.transfer.baking.settings import CONVERGED, BakeSettings
 from diffprt.transfer.diffuse.direct import open_transfer
 from diffprt.transfer.diffuse.signal import Transfer
 from diffprt.transfer.diffuse.transport import Transport, trace_transport
@@ -179,7 +179,7 @@ class _Run:
         if plan is not None:
             order = plan.order.value if order is None else order
             bounces = plan.bounces.value if bounces is None else bounces
-        settings = BakeSettings.of(quality, order=order, rays=rays, bounces=bounces, seed=seed)
+        settings = BakeOptions(quality=quality, order=order, rays=rays, bounces=bounces, seed=seed).settings()
         self.scene, self.plan = scene, plan
         self.fill_inside, self.operator = fill_inside, operator
         self.hours = hours if seconds is None else math.inf

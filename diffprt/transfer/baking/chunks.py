@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
 from pathlib import Path
 
@@ -11,6 +10,7 @@ import numpy as np
 import safetensors.numpy
 
 from diffprt.errors import InputError
+from diffprt.whole_file import write_whole
 
 _VERSION = 1
 
@@ -39,7 +39,7 @@ class ChunkStore:
                     "repeat that command to finish it, or delete the folder"
                 )
             if not job.exists():
-                _write_whole(job, text.encode())
+                write_whole(job, text.encode(), "chunks")
         except OSError as error:
             raise InputError(f"folder {self.folder} cannot be written ({error.strerror}): write elsewhere") from error
 
@@ -65,7 +65,7 @@ class ChunkStore:
         if self.folder is None:
             self._memory[chunk] = arrays
             return
-        _write_whole(self._path(chunk), safetensors.numpy.save(arrays))
+        write_whole(self._path(chunk), safetensors.numpy.save(arrays), "chunk")
         (self.folder / f"{chunk:06d}.begun").unlink(missing_ok=True)
 
     def read(self, chunk: int) -> dict[str, np.ndarray]:
@@ -82,13 +82,3 @@ def discard_chunks(folder: Path) -> None:
     """Removes a checkpoint folder, once the asset is safe; a folder that is not one is left alone."""
     if (folder / "job.json").exists():
         shutil.rmtree(folder, ignore_errors=True)
-
-
-def _write_whole(path: Path, data: bytes) -> None:
-    """Writes to a temporary name, flushes to disk, renames."""
-    partial = path.with_name(path.name + ".partial")
-    with open(partial, "wb") as file:
-        file.write(data)
-        file.flush()
-        os.fsync(file.fileno())
-    partial.replace(path)

@@ -10,12 +10,12 @@ import torch
 
 from diffprt.errors import InputError
 from diffprt.kernels import TriangleMesh, default_threads
+from diffprt.options.bake import CONVERGED, OPERATORS, BakeSettings
 from diffprt.scene import Scene
 from diffprt.surface.receivers import Receivers
 from diffprt.surface.sampling import Pattern
 from diffprt.surface.sides import Sides
 from diffprt.surface.surfaces import Surfaces
-from diffprt.transfer.baking.settings import CONVERGED, BakeSettings
 from diffprt.transfer.diffuse.convergence import direction_bytes
 from diffprt.transfer.diffuse.direct import DirectTracer
 from diffprt.transfer.diffuse.retrace import RAYS_PER_BLOCK
@@ -35,7 +35,6 @@ _ENTRY_BYTES = 16
 _PRODUCTS = 12
 # A bake of fewer rays takes minutes at most: it is not estimated.
 _FEW_RAYS = 1 << 28
-OPERATORS = ("auto", "stored", "recompute")
 
 
 @dataclass(frozen=True)

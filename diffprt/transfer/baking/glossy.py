@@ -10,13 +10,13 @@ import torch
 from diffprt.brdf import Brdf, describe_brdf
 from diffprt.errors import InputError
 from diffprt.kernels import TriangleMesh, default_threads
+from diffprt.options.bake import GlossySettings
 from diffprt.progress import Track, timed, untracked
 from diffprt.scene import Scene
 from diffprt.surface.surfaces import Surfaces
 from diffprt.transfer.baking.estimate import available_memory
 from diffprt.transfer.baking.glossy_chunks import ChunkedPasses
 from diffprt.transfer.baking.glossy_estimate import check_glossy_memory, glossy_memory
-from diffprt.transfer.baking.glossy_settings import GlossySettings
 from diffprt.transfer.glossy.materials import GlossyMaterials
 from diffprt.transfer.glossy.passes import GlossyPasses
 from diffprt.transfer.glossy.signal import GlossyTransfer

@@ -10,10 +10,10 @@ import torch
 
 from diffprt.errors import Interrupted
 from diffprt.kernels import run_chunks
+from diffprt.options.bake import GlossySettings
 from diffprt.progress import Track
 from diffprt.transfer.baking.chunks import ChunkStore
 from diffprt.transfer.baking.glossy_estimate import RAYS_PER_CHUNK, RECEIVERS_PER_CHUNK
-from diffprt.transfer.baking.glossy_settings import GlossySettings
 
 Work = Callable[[range], dict[str, torch.Tensor]]
 

@@ -12,9 +12,9 @@ import torch
 from diffprt.brdf import Brdf
 from diffprt.errors import InputError
 from diffprt.kernels import TriangleMesh, default_threads, run_chunks
+from diffprt.options.bake import GlossySettings
 from diffprt.scene import Scene
 from diffprt.surface.surfaces import Surfaces
-from diffprt.transfer.baking.glossy_settings import GlossySettings
 from diffprt.transfer.glossy.materials import GlossyMaterials
 from diffprt.transfer.glossy.passes import GlossyPasses
 from diffprt.transfer.glossy.visibility_matrix import visibility_order

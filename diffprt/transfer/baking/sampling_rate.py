@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass, replace
 
 from diffprt.errors import InputError
+from diffprt.options.bake import BakeSettings
 from diffprt.scene import Scene
 from diffprt.transfer.baking.estimate import estimate_bake
-from diffprt.transfer.baking.settings import BakeSettings
 from diffprt.transfer.baking.trial import Trial, TrialReceivers
 
 _FEWEST, _MOST = 32, 1 << 18

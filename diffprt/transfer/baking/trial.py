@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import torch
 
 from diffprt.kernels import TriangleMesh, run_chunks
+from diffprt.options.bake import CONVERGED, BakeSettings
 from diffprt.progress import untracked
 from diffprt.scene import Scene
 from diffprt.surface.operator import StoredOperator
@@ -15,7 +16,6 @@ from diffprt.surface.receivers import Receivers
 from diffprt.surface.sampling import Pattern
 from diffprt.surface.sides import Sides
 from diffprt.surface.surfaces import Surfaces
-from diffprt.transfer.baking.settings import CONVERGED, BakeSettings
 from diffprt.transfer.diffuse.direct import DirectTracer, direct_transfer
 from diffprt.transfer.diffuse.transport import trace_transport
 

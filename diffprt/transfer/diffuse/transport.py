@@ -11,6 +11,7 @@ import torch
 
 from diffprt.errors import InputError, Interrupted
 from diffprt.kernels import TriangleMesh, run_chunks
+from diffprt.options.bake import CONVERGED, BakeSettings
 from diffprt.progress import Track, timed
 from diffprt.surface.operator import BounceOperator, OperatorRows, StoredOperator
 from diffprt.surface.receivers import Receivers
@@ -18,7 +19,6 @@ from diffprt.surface.sampling import Pattern
 from diffprt.surface.sides import Sides
 from diffprt.surface.surfaces import Surfaces
 from diffprt.transfer.baking.chunks import ChunkStore
-from diffprt.transfer.baking.settings import CONVERGED, BakeSettings
 from diffprt.transfer.diffuse.convergence import converge
 from diffprt.transfer.diffuse.direct import DirectTracer, direct_transfer
 from diffprt.transfer.diffuse.inside import Fill, FilledOperator, find_inside

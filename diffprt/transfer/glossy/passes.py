@@ -9,11 +9,11 @@ import torch
 
 from diffprt.brdf import hemisphere_gram
 from diffprt.kernels import TriangleMesh
+from diffprt.options.bake import GlossySettings
 from diffprt.sh.frames import frame_rotations, rows_from_frames
 from diffprt.surface.frames import tangent_frames
 from diffprt.surface.sampling import Pattern
 from diffprt.surface.surfaces import Surfaces
-from diffprt.transfer.baking.glossy_settings import GlossySettings
 from diffprt.transfer.glossy.bounce import GlossyBouncer
 from diffprt.transfer.glossy.materials import GlossyMaterials
 from diffprt.transfer.glossy.visibility_matrix import VisibilityTracer, visibility_order

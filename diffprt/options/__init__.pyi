@@ -1,0 +1,10 @@
+from .bake import CONVERGED as CONVERGED
+from .bake import OPERATORS as OPERATORS
+from .bake import QUALITIES as QUALITIES
+from .bake import BakeOptions as BakeOptions
+from .bake import BakeSettings as BakeSettings
+from .bake import GlossySettings as GlossySettings
+from .keywords import takes as takes
+from .ranges import check_choice as check_choice
+from .ranges import check_order as check_order
+from .ranges import check_threads as check_threads

@@ -1,0 +1,36 @@
+"""Ranges that several operations share."""
+
+from __future__ import annotations
+
+import operator
+
+from diffprt.errors import InputError
+
+MAXIMUM_ORDER = 10
+
+
+def check_order(order: int, *, most: int = MAXIMUM_ORDER) -> int:
+    """`order` as a plain int in 1..`most`.
+
+    Raises:
+        InputError: `order` is not a whole number or lies outside 1..`most`.
+    """
+    try:
+        whole = operator.index(order)
+    except TypeError:
+        raise InputError(f"order {order!r} is not a whole number: give order=1 to order={most}") from None
+    if not 1 <= whole <= most:
+        raise InputError(f"order {whole} is outside 1..{most}: give order=1 to order={most}")
+    return whole
+
+
+def check_choice(what: str, value: str, choices: tuple[str, ...] | dict[str, object]) -> None:
+    """Refuses a `value` that is not among `choices`."""
+    if value not in choices:
+        raise InputError(f"{what} is '{value}': use one of {', '.join(choices)}")
+
+
+def check_threads(threads: int | None) -> None:
+    """Refuses a number of CPU threads below 1; None is all."""
+    if threads is not None and threads < 1:
+        raise InputError(f"threads is {threads}: give 1 or more, or leave it out to use all")
