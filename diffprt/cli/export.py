@@ -10,7 +10,7 @@ import typer
 from diffprt.cli.inputs import load_light
 from diffprt.cli.report import JsonFile, check_output, size_text, write_report
 from diffprt.errors import InputError
-from diffprt.exporters import export, export_glb, pack, write_three
+from diffprt.exporters import export, export_glb, write_three
 from diffprt.exporters.shaders import write_shaders
 from diffprt.rendering import auto_exposure, render
 from diffprt.representation import files as assets
@@ -69,7 +69,7 @@ def run(
         report["three"] = [str(path) for path in write_three(output)]
     if shaders:
         sizes = {} if registers is None else {"REGISTERS": registers}
-        names = list(pack(asset, registers=registers).programs)
+        names = report["programs"]
         report["shaders"] = [str(path) for path in write_shaders(output / "shaders", names, sizes=sizes)]
         print(f"{output / 'shaders'}: {len(report['shaders'])} files, {', '.join(names)}")
     write_report(

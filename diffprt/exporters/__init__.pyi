@@ -3,7 +3,7 @@ from .engines import from_engine as from_engine
 from .engines import to_engine as to_engine
 from .gltf.glb import export_glb as export_glb
 from .gltf.three_module import write_three as write_three
-from .packers import Packed as Packed
-from .packers import pack as pack
+from .packers.packed import Packed as Packed
+from .packers.registry import pack as pack
+from .web.export import export as export
 from .web.notebook import show as show
-from .web.page_file import export as export

@@ -5,8 +5,7 @@ from __future__ import annotations
 import torch
 
 from diffprt.errors import InputError
-
-CURVES = ("linear", "reinhard", "aces")
+from diffprt.options.export import CURVES
 
 
 def tone_map(radiance: torch.Tensor, *, exposure: float | torch.Tensor = 1.0, curve: str = "linear") -> torch.Tensor:

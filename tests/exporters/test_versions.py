@@ -10,8 +10,9 @@ import torch
 
 from diffprt import sh
 from diffprt.errors import InputError
-from diffprt.exporters import export
+from diffprt.exporters import export, pack
 from diffprt.exporters.web import versions
+from diffprt.options.export import ExportOptions
 from diffprt.rendering import render
 from diffprt.scene import Camera, Light
 from diffprt.shading import tone_map
@@ -141,7 +142,7 @@ def test_versions_wipe_bands_and_maps(file, family, synthetic, open_page) -> Non
 
 def test_error_map_follows_the_error(family) -> None:
     asset, plain, _, _ = family
-    error = versions.collect(asset, uncompressed=plain).error
+    error = versions.collect(asset, pack(asset), ExportOptions(uncompressed=plain)).error
     expected = (asset.decode().diffuse - plain.diffuse).square().sum((1, 2))
     np.testing.assert_allclose(error, expected.numpy(), rtol=1e-4, atol=1e-9)
 

@@ -32,7 +32,7 @@ UPHILL: set[tuple[str, str]] = {
     ("diffprt.representation.files", "diffprt.transfer.diffuse.signal"),
     ("diffprt.representation.files", "diffprt.transfer.glossy.signal"),
 }
-CIRCLES: set[frozenset[str]] = {frozenset({"diffprt.exporters.cluster_passes", "diffprt.exporters.packers"})}
+CIRCLES: set[frozenset[str]] = set()
 
 
 @cache

@@ -11,27 +11,16 @@ from typing import Any
 import numpy as np
 
 from diffprt.errors import InputError
-from diffprt.exporters.packers import Exportable, Packed, floats, pack
+from diffprt.exporters.packers.packed import Packed, floats
+from diffprt.exporters.packers.registry import pack
 from diffprt.representation.files import CONVENTIONS
+from diffprt.representation.files import Asset as Exportable
 from diffprt.scene import Light
 from diffprt.whole_file import make_folder, write_whole
 
 _FLOAT, _UNSIGNED_INT = 5126, 5125
 _ARRAY_BUFFER, _ELEMENT_ARRAY_BUFFER = 34962, 34963
 _TYPES = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}
-_TABLES = ("transfer", "means", "bases")
-_EQUATIONS = {
-    "diffuse": "radiance = albedo / pi * sum_k transfer[vertex, c, k] light[k]",
-    "clustered_diffuse": "transfer = means[label] + sum_p weights[p] bases[label, p], [C, K]; "
-    "radiance = albedo / pi * sum_k transfer[c, k] light[k]",
-    "glossy": "radiance(view) = sum_o y_o(view on the vertex's axes) sum_k transfer[vertex, c, o, k] light[k]",
-    "clustered_glossy": "transfer = means[label] + sum_p weights[p] bases[label, p], [C, K_out, K]; "
-    "radiance(view) = sum_o y_o(view on the vertex's axes) sum_k transfer[c, o, k] light[k]",
-}
-_AXES = (
-    "s = n.z < 0 ? -1 : 1; a = -1 / (s + n.z); b = n.x n.y a; tangent (1 + s n.x n.x a, s b, -s n.x), "
-    "bitangent (b, s + n.y n.y a, -n.y), normal n (Duff et al. 2017)"
-)
 
 
 def export_glb(
@@ -45,7 +34,7 @@ def export_glb(
     with their shapes, the conventions, the equation of radiance, and lights.
 
     Args:
-        asset: diffuse or glossy transfer, plain or clustered, on receivers with faces.
+        asset: of a kind that `pack` packs with an equation, on receivers with faces.
         path: the file; it is replaced whole.
         lights: of the asset's order, by name; kept in the file.
         name: of the mesh.
@@ -54,12 +43,14 @@ def export_glb(
         {"path": str, "bytes": int}.
 
     Raises:
-        InputError: the asset has no faces or no shader, or the file cannot be written.
+        InputError: the asset has no faces, no shader or no equation, or the file cannot be written.
     """
     packed = pack(asset)
-    if len(asset.receivers.faces) == 0:
+    if not packed.equation:
+        raise InputError(f"'{packed.kind}' has no equation that glTF could carry: give its Packed one")
+    if len(packed.geometry["indices"]) == 0:
         raise InputError("asset has no faces to draw: bake a mesh, or give its receivers faces")
-    content = _glb(packed, asset, lights or {}, name)
+    content = _glb(packed, lights or {}, name)
     make_folder(Path(path).parent)
     write_whole(Path(path), content, "file")
     return {"path": str(path), "bytes": len(content)}
@@ -91,22 +82,21 @@ class _Buffer:
         return len(self.accessors) - 1
 
 
-def _glb(packed: Packed, asset: Exportable, lights: dict[str, Light], name: str) -> bytes:
+def _glb(packed: Packed, lights: dict[str, Light], name: str) -> bytes:
     buffer = _Buffer()
-    attributes = _attributes(packed, asset, buffer)
+    attributes = _attributes(packed, buffer)
     indices = buffer.add(packed.geometry["indices"].reshape(-1), target=_ELEMENT_ARRAY_BUFFER)
     tables = {
         key: {"accessor": buffer.add(packed.signal[key].reshape(-1)), "shape": list(packed.signal[key].shape)}
-        for key in _TABLES
-        if key in packed.signal and packed.signal[key].size
+        for key in packed.tables
+        if packed.signal[key].size
     }
     weights = sorted((key for key in attributes if key.startswith("_WEIGHTS_")), key=lambda key: int(key[9:]))
-    conventions = {**CONVENTIONS, "axes": _AXES} if "glossy" in packed.kind else dict(CONVENTIONS)
     description = {
         "version": 1,
         "kind": packed.kind,
-        "conventions": conventions,
-        "equation": _EQUATIONS[packed.kind],
+        "conventions": {**CONVENTIONS, **packed.conventions},
+        "equation": packed.equation,
         **packed.facts,
         "tables": tables,
         "attributes": {"label": "_LABEL", "weights": weights} if "labels" in packed.signal else {},
@@ -134,14 +124,15 @@ def _glb(packed: Packed, asset: Exportable, lights: dict[str, Light], name: str)
     return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
 
 
-def _attributes(packed: Packed, asset: Exportable, buffer: _Buffer) -> dict[str, int]:
-    receivers = asset.receivers
+def _attributes(packed: Packed, buffer: _Buffer) -> dict[str, int]:
+    geometry = packed.geometry
     attributes = {
-        "POSITION": buffer.add(packed.geometry["positions"], target=_ARRAY_BUFFER, bounds=True),
-        "NORMAL": buffer.add(_unit(floats(receivers.normals)), target=_ARRAY_BUFFER),
+        "POSITION": buffer.add(geometry["positions"], target=_ARRAY_BUFFER, bounds=True),
+        "NORMAL": buffer.add(_unit(geometry["normals"]), target=_ARRAY_BUFFER),
     }
-    if "albedo" in packed.geometry:
-        attributes["COLOR_0"] = buffer.add(floats(receivers.albedo), target=_ARRAY_BUFFER)
+    if "albedo" in geometry:
+        albedo = np.broadcast_to(geometry["albedo"], geometry["positions"].shape)
+        attributes["COLOR_0"] = buffer.add(albedo, target=_ARRAY_BUFFER)
         attributes["_ALBEDO"] = attributes["COLOR_0"]
     if "labels" in packed.signal:
         attributes["_LABEL"] = buffer.add(packed.signal["labels"].astype(np.float32), target=_ARRAY_BUFFER)

@@ -10,8 +10,8 @@ import numpy as np
 import torch
 from PIL import Image
 
-from diffprt.exporters.packers import Exportable
 from diffprt.rendering import render
+from diffprt.representation.files import Asset as Exportable
 from diffprt.scene import Camera, Light
 from diffprt.shading import tone_map
 

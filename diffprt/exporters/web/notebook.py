@@ -10,8 +10,9 @@ from typing import Any
 import torch
 
 from diffprt.errors import InputError
-from diffprt.exporters.packers import Exportable
-from diffprt.exporters.web.page_content import page_content
+from diffprt.exporters.web.export import page_of
+from diffprt.options.export import ExportOptions
+from diffprt.representation.files import Asset as Exportable
 from diffprt.scene import Light
 from diffprt.scene.camera import Camera
 
@@ -49,22 +50,20 @@ def show(asset: Exportable, light: Light | None = None, *, height: int = 480, **
         asset: diffuse or glossy transfer, plain or clustered, on receivers with faces.
         light: shown first, of the asset's order; without it, a plain sky with a sun.
         height: of the frame [CSS pixels], 100..10000.
-        options: those of `export` beside the directory and lights.
+        options: of `ExportOptions`, beside the lights.
 
     Raises:
         InputError: as `export`, or a height out of range.
     """
     if not _LEAST_HEIGHT <= height <= _MOST_HEIGHT:
         raise InputError(f"height is {height}: give {_LEAST_HEIGHT} to {_MOST_HEIGHT} pixels")
-    lights = None if light is None else {"Light": light}
-    content, _, _ = page_content(asset, lights=lights, **options)
-    page = content.decode()
+    page = page_of(asset, ExportOptions(lights=None if light is None else {"Light": light}, **options))
+    text, view = page.content.decode(), page.camera
     try:
         widget = _widget_class()
     except ImportError:
-        return Frame(page, height)
-    view = options.get("camera") or Camera.framing(asset.receivers.positions)
-    return widget(asset.order, page=page, height=height, eye=list(view.eye), target=list(view.target))
+        return Frame(text, height)
+    return widget(asset.order, page=text, height=height, eye=list(view.eye), target=list(view.target))
 
 
 def host_script() -> str:

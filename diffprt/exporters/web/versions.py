@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
 
-from diffprt import sh
 from diffprt.compression import ClusteredGlossyTransfer, ClusteredTransfer
 from diffprt.errors import InputError
-from diffprt.exporters.packers import Exportable, Packed, floats, pack
+from diffprt.exporters.packers.packed import Packed, floats
+from diffprt.exporters.packers.registry import pack
+from diffprt.exporters.web.template import page_classes
+from diffprt.options.export import ExportOptions
+from diffprt.representation.files import Asset as Exportable
 from diffprt.transfer import GlossyTransfer, Transfer
 
 MOST_UNCOMPRESSED_BYTES = 20_000_000
@@ -34,57 +35,52 @@ class Versions:
     left_out: tuple[str, ...]
 
 
-def collect(
-    asset: Exportable,
-    *,
-    registers: int | None = None,
-    versions: Mapping[str, Exportable] | None = None,
-    uncompressed: Transfer | GlossyTransfer | None = None,
-    before: Exportable | None = None,
-) -> Versions:
+def collect(asset: Exportable, packed: Packed, options: ExportOptions) -> Versions:
     """The asset's versions; see `export`.
 
+    Args:
+        asset: the asset itself.
+        packed: the same, for one pass.
+        options: of the page.
+
     Raises:
-        InputError: a version has other geometry or another order, a name is taken, or `uncompressed` is compressed.
+        InputError: a version has other geometry or another order, a name is taken, `uncompressed` is compressed, or
+            the page has no class for a version.
     """
-    own = "Optimized" if before is not None else "Compressed" if isinstance(asset, _CLUSTERED) else "Transfer"
-    given: dict[str, Exportable] = {} if before is None else {"Before": before}
+    own_name = "Optimized" if options.before is not None else "Compressed" if packed.compressed else "Transfer"
+    given: dict[str, Exportable] = {} if options.before is None else {"Before": options.before}
     left_out: list[str] = []
     error = None
-    if uncompressed is not None:
-        error = _squared_error(asset, uncompressed)
-        size = _signal(uncompressed).numel() * 4
+    if options.uncompressed is not None:
+        error = _squared_error(asset, options.uncompressed)
+        size = _signal(options.uncompressed).numel() * 4
         if size <= MOST_UNCOMPRESSED_BYTES:
-            given["Uncompressed"] = uncompressed
+            given["Uncompressed"] = options.uncompressed
         else:
             left_out.append(
                 f"uncompressed transfer: {size / 1e6:.0f} MB, more than {MOST_UNCOMPRESSED_BYTES / 1e6:.0f} MB"
             )
-    for name, version in (versions or {}).items():
-        if name in (own, "Unshadowed", *given):
+    for name, version in options.versions.items():
+        if name in (own_name, "Unshadowed", *given):
             raise InputError(f"version name '{name}' is taken: give another")
         given[name] = version
-    packed = {own: _with_normals(pack(asset, registers=registers), asset)}
+    own = packed.in_passes(options.registers)
+    drawn = {own_name: own}
     for name, version in given.items():
+        other = pack(version)
         _check_same(name, asset, version)
-        held = registers if isinstance(version, ClusteredTransfer) else None
-        packed[name] = _with_normals(pack(version, registers=held), version)
-    if isinstance(asset, (Transfer, ClusteredTransfer)):
-        packed["Unshadowed"] = _unshadowed(packed[own], asset.order)
-    return Versions(packed, error, tuple(left_out))
-
-
-def _with_normals(packed: Packed, asset: Exportable) -> Packed:
-    return replace(packed, geometry={**packed.geometry, "normals": floats(asset.receivers.normals)})
-
-
-def _unshadowed(packed: Packed, order: int) -> Packed:
-    """The open surface's clamped cosine, which the page rotates to every normal: no signal is stored."""
-    bands = torch.arange(order, dtype=torch.float64)
-    zonal = sh.clamped_cosine(order).double() * torch.sqrt(4 * math.pi / (2 * bands + 1))
-    numbers = {"channels": 1, "coefficients": order**2, "zonal": zonal.tolist()}
-    facts = {"order": order, "channels": 1}
-    return Packed("unshadowed", ("diffuse",), packed.geometry, {}, numbers, facts)
+        if packed.view_dependent != other.view_dependent:
+            raise InputError(f"version '{name}' is '{other.kind}', the asset '{packed.kind}': compare like with like")
+        drawn[name] = other if other.passes is None else other.in_passes(options.registers)
+    if own.unshadowed is not None:
+        drawn["Unshadowed"] = replace(own.unshadowed, geometry=own.geometry)
+    for version in drawn.values():
+        if version.page not in (known := page_classes()):
+            raise InputError(
+                f"'{version.kind}' names the page class '{version.page}', which web/page/representations.js has not: "
+                f"name one of {', '.join(known)} in its Packed, or add a class there"
+            )
+    return Versions(drawn, error, tuple(left_out))
 
 
 def _signal(asset: Exportable) -> torch.Tensor:
@@ -106,9 +102,7 @@ def _squared_error(asset: Exportable, uncompressed: Exportable) -> np.ndarray:
 
 
 def _check_same(name: str, asset: Exportable, version: Exportable) -> None:
-    ours, theirs = asset.receivers, getattr(version, "receivers", None)
-    if theirs is None:
-        raise InputError(f"version '{name}' is a {type(version).__name__}: give an asset")
+    ours, theirs = asset.receivers, version.receivers
     if not torch.equal(ours.positions, theirs.positions) or not torch.equal(ours.faces, theirs.faces):
         raise InputError(
             f"version '{name}' has {len(theirs)} vertices and {len(theirs.faces)} triangles that are not the asset's "
@@ -116,9 +110,3 @@ def _check_same(name: str, asset: Exportable, version: Exportable) -> None:
         )
     if asset.order != version.order:
         raise InputError(f"version '{name}' has order {version.order}, the asset {asset.order}: give the same order")
-    if _is_glossy(asset) != _is_glossy(version):
-        raise InputError(f"version '{name}' is a {type(version).__name__}: compare like with like")
-
-
-def _is_glossy(asset: Exportable) -> bool:
-    return isinstance(asset, (GlossyTransfer, ClusteredGlossyTransfer))

@@ -1,22 +1,58 @@
-"""Clusters in the order of the passes that draw them, for hardware that holds few uniforms."""
+"""Clustered diffuse transfer: the vertex blends the colors of its cluster, in one pass or in passes of few uniforms."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from functools import partial
 
 import numpy as np
 
-from diffprt.compression import ClusteredTransfer, clusters_per_pass, super_clusters
-
-if TYPE_CHECKING:
-    from diffprt.exporters.packers import Packed
+from diffprt.compression import ClusteredGlossyTransfer, ClusteredTransfer, clusters_per_pass, super_clusters
+from diffprt.exporters.packers.diffuse import unshadowed
+from diffprt.exporters.packers.packed import Packed, floats, surface_arrays
 
 # Light has three colors, whether or not transfer colors it.
 _CHANNELS = 3
 
 
-def by_passes(packed: Packed, asset: ClusteredTransfer, registers: int) -> Packed:
+def pack_clustered_diffuse(asset: ClusteredTransfer) -> Packed:
+    """Diffuse transfer by clusters."""
+    sizes = cluster_sizes(asset)
+    geometry = surface_arrays(asset.receivers, albedo=True)
+    packed = Packed(
+        kind="clustered_diffuse",
+        page="clustered_diffuse",
+        programs=("clustered_diffuse",),
+        geometry=geometry,
+        signal=cluster_arrays(asset),
+        numbers={**sizes, "coefficients": asset.order**2},
+        facts={"order": asset.order, **sizes},
+        equation="transfer = means[label] + sum_p weights[p] bases[label, p], [C, K]; "
+        "radiance = albedo / pi * sum_k transfer[c, k] light[k]",
+        tables=("means", "bases"),
+        compressed=True,
+        unshadowed=unshadowed(asset.order, geometry),
+    )
+    return replace(packed, passes=partial(_by_passes, packed, asset))
+
+
+def cluster_sizes(asset: ClusteredTransfer | ClusteredGlossyTransfer) -> dict[str, int]:
+    """How many channels, clusters and components."""
+    return {"channels": asset.channels, "clusters": asset.clusters, "components": asset.components}
+
+
+def cluster_arrays(asset: ClusteredTransfer | ClusteredGlossyTransfer) -> dict[str, np.ndarray]:
+    """Labels in the smallest type that holds them, means, bases and weights."""
+    smallest = np.uint8 if asset.clusters <= 1 << 8 else np.uint16 if asset.clusters <= 1 << 16 else np.uint32
+    return {
+        "labels": asset.labels.detach().cpu().numpy().astype(smallest),
+        "means": floats(asset.means),
+        "bases": floats(asset.bases),
+        "weights": floats(asset.weights),
+    }
+
+
+def _by_passes(packed: Packed, asset: ClusteredTransfer, registers: int) -> Packed:
     """Numbers clusters pass by pass, so that each pass names its own by a first one and a count.
 
     Args:

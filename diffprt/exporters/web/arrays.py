@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from diffprt.exporters.packers import Packed
+from diffprt.exporters.packers.packed import Packed
 from diffprt.exporters.web.compact import compact
 
 
@@ -41,7 +41,7 @@ def version_entry(name: str, packed: Packed, store: ArrayStore) -> dict[str, Any
     stored = sum(len(store.elements[list(store.forms).index(held)]) for held in signal.values())
     return {
         "name": name,
-        "kind": packed.kind,
+        "kind": packed.page,
         "numbers": packed.numbers,
         "facts": {
             **packed.facts,

@@ -55,6 +55,11 @@ def page_source(name: str) -> str:
     return (files("diffprt.exporters.web") / "page" / name).read_text(encoding="utf-8")
 
 
+def page_classes() -> list[str]:
+    """The classes that draw, by the names under which `page/representations.js` lists them."""
+    return re.findall(r"^  (\w+): \w+,$", page_source("representations.js"), flags=re.MULTILINE)
+
+
 def shader_elements(programs: Iterable[str], registers: int | None) -> Iterator[str]:
     """Every stage of the programs, and of those that any asset needs."""
     sizes = {} if registers is None else {"REGISTERS": registers}

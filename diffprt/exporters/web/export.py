@@ -1,0 +1,160 @@
+"""One HTML file that holds an asset, its shaders and a viewer, and needs nothing else."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from diffprt.errors import InputError
+from diffprt.exporters.packers.packed import floats
+from diffprt.exporters.packers.registry import pack
+from diffprt.exporters.web.arrays import ArrayStore, version_entry
+from diffprt.exporters.web.default_light import default_light
+from diffprt.exporters.web.fallback_picture import fallback_picture
+from diffprt.exporters.web.template import fill_template, joined_scripts, page_source, script_json, shader_elements
+from diffprt.exporters.web.versions import collect
+from diffprt.options.export import ExportOptions
+from diffprt.representation.files import Asset as Exportable
+from diffprt.scene import Light
+from diffprt.scene.camera import Camera
+from diffprt.whole_file import make_folder, write_whole
+
+
+def export(asset: Exportable, directory: str | Path, **options: Any) -> dict:
+    """Writes `directory/index.html`, a page that relights the asset in any browser with WebGL 2.
+
+    The page opens from disk, asks the network for nothing, and computes what `shade` and `tone_map` compute:
+    the same sums in 32-bit floats, interpolated as `render` does it and tone-mapped per pixel. Its shaders are printed
+    from `diffprt.exporters.shaders`, its arrays are stored in 16 bits and deflated (`web/compact.py`).
+    `window.diffprt` in the page takes other lights, cameras and settings from a script (`page/scripting.js`).
+
+    The page shows the asset and other versions of it, one alone or two side by side with a slider between them.
+    Diffuse assets come with an unshadowed version, which needs normals alone.
+
+    Args:
+        asset: diffuse or glossy transfer, plain or clustered, on receivers with faces.
+        directory: made if missing; an index.html in it is replaced whole or not at all.
+        options: of `ExportOptions`: lights, camera, exposure, curve, title, versions to compare with, ...
+
+    Returns:
+        {"path": str, "bytes": int, "parts": {"geometry", "signal", "page"}, "programs": [str], "left_out": [str]}; the
+        parts are bytes in the file (deflated and in base64 where binary) and sum to its size; the shaders that draw
+        the asset; what was left out of the page, in words.
+
+    Raises:
+        InputError: the asset has no faces or no shader, a light or version has another order than the asset or a
+            version another mesh, an option is out of range, or the directory cannot be made or written.
+    """
+    path = Path(directory) / "index.html"
+    page = page_of(asset, ExportOptions(**options))
+    make_folder(path.parent)
+    write_whole(path, page.content, "page")
+    return {
+        "path": str(path),
+        "bytes": len(page.content),
+        "parts": page.parts,
+        "programs": list(page.programs),
+        "left_out": list(page.left_out),
+    }
+
+
+@dataclass(frozen=True)
+class Page:
+    """A page, the camera it opens with, the bytes of its parts, the asset's shaders, and what was left out of it."""
+
+    content: bytes
+    camera: Camera
+    parts: dict[str, int]
+    programs: tuple[str, ...]
+    left_out: tuple[str, ...]
+
+
+def page_of(asset: Exportable, options: ExportOptions) -> Page:
+    """The page of `export`: what is shown first, versions, lights and facts around the arrays."""
+    packed = pack(asset)
+    receivers = asset.receivers
+    if len(receivers.faces) == 0:
+        raise InputError("asset has no faces to draw: bake a mesh, or give its receivers faces")
+    lights = {"Sky and sun": default_light(asset.order)} if options.lights is None else options.lights
+    _check_lights(lights, asset.order)
+    collected = collect(asset, packed, options)
+    own = next(iter(collected.packed.values()))
+    camera = options.camera or Camera.framing(receivers.positions)
+    title = options.title or "diffprt"
+
+    store = ArrayStore()
+    entries = [version_entry(name, version, store) for name, version in collected.packed.items()]
+    heat: dict[str, Any] = {}
+    if collected.error is not None:
+        # One outlier would leave all else in the lowest color.
+        heat = {"error": store.add("error", collected.error), "most": float(np.quantile(collected.error, 0.99))}
+    manifest = {
+        "title": title,
+        "path": "single" if options.registers is None else "passes",
+        "facts": {"vertices": len(receivers), "triangles": len(receivers.faces), **own.facts},
+        "versions": entries,
+        "heat": heat,
+        "arrays": store.forms,
+        "bounds": _bounds(receivers.positions),
+        "camera": {
+            "eye": camera.eye,
+            "target": camera.target,
+            "up": camera.up,
+            "fov": camera.fov,
+            "aspect": camera.width / camera.height,
+        },
+        "exposure": options.exposure,
+        "curve": options.curve,
+        "lights": [
+            {"name": name, "coefficients": _short_numbers(light.coefficients)} for name, light in lights.items()
+        ],
+        "certificate": asset.certificate,
+    }
+    programs = [name for version in collected.packed.values() for name in version.programs]
+    page = fill_template(
+        {
+            "title": html.escape(title),
+            "style": page_source("style.css").rstrip(),
+            "manifest": script_json(manifest),
+            "shaders": "\n".join(shader_elements(programs, options.registers)),
+            "arrays": "\n".join(store.elements),
+            "picture": fallback_picture(
+                asset, next(iter(lights.values())), camera, exposure=options.exposure, curve=options.curve
+            ),
+            "script": joined_scripts(),
+        }
+    )
+    content = page.encode()
+    parts = {**store.bytes, "page": len(content) - sum(store.bytes.values())}
+    return Page(content, camera, parts, own.programs, collected.left_out)
+
+
+def _check_lights(lights: Mapping[str, Light], order: int) -> None:
+    for light in lights.values():
+        count = light.coefficients.shape[0]
+        if count != order**2:
+            raise InputError(
+                f"transfer has {order**2} SH coefficients, light has {count}: "
+                f"project the light with order={order}, or bake with order={light.order}"
+            )
+    for name, light in lights.items():
+        if not bool(torch.isfinite(light.coefficients).all()):
+            raise InputError(f"light '{name}' has coefficients that are not finite: project it again")
+
+
+def _bounds(positions: torch.Tensor) -> dict[str, Any]:
+    points = positions.detach().cpu().double()
+    center = (points.amin(0) + points.amax(0)) / 2
+    radius = float((points - center).norm(dim=1).max())
+    return {"center": center.tolist(), "radius": max(radius, 1e-12)}
+
+
+def _short_numbers(coefficients: torch.Tensor) -> list[float]:
+    """Row-major values, as the shortest decimals that give the same float32 again."""
+    return [float(str(value)) for value in floats(coefficients).ravel()]
