@@ -42,6 +42,7 @@ def run(json_file: Path = JsonFile) -> None:
         ["free memory", size_text(available_memory()), ""],
         ["kernels", "ready", f"{compiled:.1f} s"],
         ["closest hits", f"{rate / 1e6:.1f} Mrays/s", "80 K triangles, all threads"],
+        ["OpenEXR", openexr_version(), "inside OpenImageIO; holes below 3.4.13 are published"],
         ["browser", "found" if browser else "not found", "tests of the exported page"],
     ]
     for name, use in OPTIONAL.items():
@@ -59,6 +60,14 @@ def run(json_file: Path = JsonFile) -> None:
             "checks": {r[0]: r[1] for r in rows},
         },
     )
+
+
+def openexr_version() -> str:
+    """The OpenEXR that OpenImageIO carries: what reads an EXR file that came from somewhere."""
+    import OpenImageIO
+
+    formats = dict(entry.partition(":")[::2] for entry in OpenImageIO.get_string_attribute("library_list").split(";"))
+    return formats.get("openexr", "not built in").removeprefix("OpenEXR ")
 
 
 def _rays_per_second() -> float:

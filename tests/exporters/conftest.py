@@ -159,7 +159,7 @@ def browser():
 
 
 class NodeModules(type(Path())):
-    """The folder of tests/export/package.json's packages, and the program that runs them."""
+    """The folder of tests/exporters/package.json's packages, and the program that runs them."""
 
     node = shutil.which("node")
 
@@ -170,7 +170,7 @@ def node_modules() -> NodeModules:
     folder = NodeModules(Path(__file__).parent / "node_modules")
     if folder.node is None or not (folder / "three").is_dir() or not (folder / "gltf-validator").is_dir():
         required = os.environ.get("DIFFPRT_REQUIRE_BROWSER") == "1"
-        (pytest.fail if required else pytest.skip)("no node packages: npm ci --prefix tests/export")
+        (pytest.fail if required else pytest.skip)("no node packages: npm ci --prefix tests/exporters")
     return folder
 
 

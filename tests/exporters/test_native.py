@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import importlib
 import math
+import os
 
 import numpy as np
 import pytest
@@ -20,11 +22,13 @@ EXACT = 1 / 255
 
 @pytest.fixture(scope="module")
 def context():
-    moderngl = pytest.importorskip("moderngl")
+    """OpenGL without a window; with DIFFPRT_REQUIRE_BROWSER=1 its absence is a failure."""
+    required = os.environ.get("DIFFPRT_REQUIRE_BROWSER") == "1"
+    moderngl = importlib.import_module("moderngl") if required else pytest.importorskip("moderngl")
     try:
         made = moderngl.create_context(standalone=True, backend="egl", require=330)
     except Exception as error:
-        pytest.skip(f"no OpenGL 3.3 without a window: {error}")
+        (pytest.fail if required else pytest.skip)(f"no OpenGL 3.3 without a window: {error}")
     yield made
     made.release()
 

@@ -1,4 +1,4 @@
-"""Scans and probes that lie beside the checkout in development; skipped elsewhere."""
+"""Scans and probes that lie beside the checkout in development; left out elsewhere (see conftest)."""
 
 from pathlib import Path
 
@@ -8,7 +8,6 @@ import torch
 from diffprt.scene import Environment, Scene
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
-pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason="the development data is not here")
 
 # Vertices, faces, boundary edges, watertight: measured with trimesh, in the data's own README.
 MESHES = {
