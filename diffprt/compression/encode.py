@@ -9,7 +9,7 @@ import torch
 
 from diffprt.compression.clustered.quantize import check_format, rounded, stored_bytes
 from diffprt.compression.clusters.blend import blend
-from diffprt.compression.clusters.components import cluster_pca, least_squares
+from diffprt.compression.clusters.components import cluster_pca, least_squares, orthonormal
 from diffprt.compression.methods.by_name import best_method, cluster
 from diffprt.errors import InputError
 from diffprt.torch_threads import one_torch_thread
@@ -124,7 +124,7 @@ def encode(
     means, bases, weights = cluster_pca(weighted, found.labels, count, components)
     if scale is not None:
         means = means / scale
-        bases, weights = _orthonormal(bases / scale, weights, found.labels)
+        bases, weights = orthonormal(bases / scale, weights, found.labels)
     if bases_format != "float32":
         means = rounded(means[:, None], bases_format)[:, 0]
         bases = rounded(bases, bases_format)
@@ -170,12 +170,3 @@ def squared_errors(vectors: torch.Tensor, encoded: Encoded, prior: torch.Tensor 
         square = difference.square()
         result[rows] = square.sum(1) if prior is None else square @ prior.double()
     return result
-
-
-def _orthonormal(bases: torch.Tensor, weights: torch.Tensor, labels: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-    """The same reconstruction with orthonormal rows again, after coefficients were scaled back."""
-    directions, triangle = torch.linalg.qr(bases.double().transpose(1, 2))
-    present = bases.abs().amax(2) > 0  # rows beyond a cluster's rank stay zero
-    sign = triangle.diagonal(dim1=1, dim2=2).sign() * present
-    turned = torch.einsum("vp,vqp->vq", weights.double(), (sign[:, :, None] * triangle)[labels])
-    return (sign[:, None] * directions).transpose(1, 2).to(bases.dtype), turned.to(weights.dtype)

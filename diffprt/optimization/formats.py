@@ -7,13 +7,13 @@ from dataclasses import replace
 import torch
 
 from diffprt.compression import cluster_pca, rounded
-from diffprt.compression.clusters.components import least_squares
-from diffprt.compression.clusters.partition import members
+from diffprt.compression.clusters.blend import blend
+from diffprt.compression.clusters.components import least_squares, orthonormal
 from diffprt.compression.encode import encoded_bytes
 from diffprt.errors import InputError
 from diffprt.optimization.lattice import fine_weights, tilt
 from diffprt.optimization.metric import Metric
-from diffprt.optimization.transfer_loss import TransferLoss, decoded
+from diffprt.optimization.transfer_loss import TransferLoss
 
 # Formats of weights and of bases, by rising size; later ones are tried when the earlier have components to spare.
 _FORMATS = (("uint8", "uint8"), ("uint8", "float16"), ("float16", "float16"), ("float32", "float32"))
@@ -77,11 +77,11 @@ def encoded(asset, metric: Metric):
     """
     labels, shape = asset.labels, asset.means.shape[1:]
     if asset.weights_format == asset.bases_format == "float32":
-        bases, weights = principal(asset.bases.flatten(2), asset.weights, labels)
+        bases, weights = orthonormal(asset.bases.flatten(2), asset.weights, labels)
         return replace(asset, bases=bases.view_as(asset.bases), weights=weights)
     means, bases = metric.scale(asset.means).flatten(1), metric.scale(asset.bases).flatten(2)
-    rows = decoded(means, bases, asset.weights, labels)
-    bases, weights = principal(bases, asset.weights, labels)
+    rows = blend(labels, asset.weights, means, bases)
+    bases, weights = orthonormal(bases, asset.weights, labels)
     tilted, pairs = tilt(bases, weights, labels)
     if asset.weights_format != "uint8":
         tilted, pairs = bases, replace(pairs, neighbors=torch.ones_like(pairs.neighbors))
@@ -94,25 +94,6 @@ def encoded(asset, metric: Metric):
     else:
         weights = rounded(least_squares(rows, near, tilted, labels), asset.weights_format)
     return replace(asset, means=means, bases=plain, weights=weights)
-
-
-def principal(bases: torch.Tensor, weights: torch.Tensor, labels: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-    """The same blend with orthonormal rows along the principal axes of each cluster's members, by falling spread.
-
-    Args:
-        bases: float [M, P, D].
-        weights: float [V, P].
-        labels: int64 [V].
-    """
-    turned, blended = torch.zeros_like(bases), torch.zeros_like(weights)
-    for m, rows in enumerate(members(labels, len(bases))):
-        directions, triangle = torch.linalg.qr(bases[m].double().T)
-        own = weights[rows].double() @ triangle.T
-        _, axes = torch.linalg.eigh(own.T @ own)
-        axes = axes.flip(1)
-        turned[m] = (directions @ axes).T.to(bases.dtype)
-        blended[rows] = (own @ axes).to(weights.dtype)
-    return turned, blended
 
 
 def _bytes(asset, components: int, weights_format: str, bases_format: str) -> int:

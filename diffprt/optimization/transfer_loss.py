@@ -5,6 +5,7 @@ from __future__ import annotations
 import torch
 
 from diffprt.compression import ClusteredSignal
+from diffprt.compression.clusters.blend import blend
 from diffprt.errors import InputError
 from diffprt.optimization.image_norm import ImageNorm
 from diffprt.optimization.metric import Metric
@@ -20,21 +21,6 @@ def signal_of(asset: Transfer | GlossyTransfer) -> torch.Tensor:
     if not isinstance(asset, Transfer | GlossyTransfer):
         raise InputError("the target is compressed: give the uncompressed transfer that 'diffprt bake' made")
     return asset.glossy if isinstance(asset, GlossyTransfer) else asset.diffuse
-
-
-def decoded(means: torch.Tensor, bases: torch.Tensor, weights: torch.Tensor, labels: torch.Tensor) -> torch.Tensor:
-    """Rows [V, D] of clustered transfer; gradients reach means, bases and weights.
-
-    Receivers are taken cluster by cluster, so that no row has a copy of its basis.
-
-    Args:
-        means: [M, ...], bases [M, P, ...], weights [V, P], labels int64 [V].
-    """
-    order = labels.argsort(stable=True)
-    counts = torch.bincount(labels, minlength=len(means)).tolist()
-    members = zip(weights[order].split(counts), means.flatten(1), bases.flatten(2), strict=True)
-    rows = torch.cat([torch.addmm(mean, weight, basis) for weight, mean, basis in members])
-    return rows[order.argsort()]
 
 
 class TransferLoss:
@@ -76,8 +62,7 @@ class TransferLoss:
         if not isinstance(asset, ClusteredSignal):
             return self._compared(signal_of(asset))
         means, bases = self.metric.scale(asset.means), self.metric.scale(asset.bases)
-        rows = decoded(means, bases, asset.weights, asset.labels)
-        return (self.reflectance * rows.view(self.shape)).flatten(1)
+        return (self.reflectance * blend(asset.labels, asset.weights, means, bases)).flatten(1)
 
     def _compared(self, signal: torch.Tensor) -> torch.Tensor:
         return (self.metric.scale(signal) * self.reflectance).flatten(1)

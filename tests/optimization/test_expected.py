@@ -4,8 +4,8 @@ import torch
 from scipy.sparse import csr_matrix
 
 from diffprt.compression import light_prior
+from diffprt.compression.clusters.blend import blend
 from diffprt.optimization import ImageNorm, TransferLoss, random_cameras, random_rotations
-from diffprt.optimization.transfer_loss import decoded
 from diffprt.rendering import FrozenView, pixel_radiance
 from diffprt.scene import Light
 
@@ -50,11 +50,12 @@ def test_the_gradient_of_the_norm(generator):
     assert torch.allclose(norm.squared(values), (values * (dense @ values)).sum())
 
 
-def test_decoding_by_clusters_is_decoding(small, generator):
-    expected = small.decode().diffuse.flatten(1)
-    assert torch.allclose(decoded(small.means, small.bases, small.weights, small.labels), expected, atol=1e-6)
-    means = torch.randn(3, 4, generator=generator, dtype=torch.float64, requires_grad=True)
-    bases = torch.randn(3, 2, 4, generator=generator, dtype=torch.float64, requires_grad=True)
-    weights = torch.randn(5, 2, generator=generator, dtype=torch.float64, requires_grad=True)
+def test_decoding_is_the_blend_of_each_cluster(small, generator):
+    spread = torch.einsum("vp,vpck->vck", small.weights, small.bases[small.labels])
+    assert torch.allclose(small.decode().diffuse, small.means[small.labels] + spread, atol=1e-6)
     labels = torch.tensor([2, 0, 2, 2, 0])
-    assert torch.autograd.gradcheck(lambda *leaves: decoded(*leaves, labels), (means, bases, weights))
+    weights = torch.randn(5, 2, generator=generator, dtype=torch.float64, requires_grad=True)
+    for numbers in (4, 12):
+        means = torch.randn(3, numbers, generator=generator, dtype=torch.float64, requires_grad=True)
+        bases = torch.randn(3, 2, numbers, generator=generator, dtype=torch.float64, requires_grad=True)
+        assert torch.autograd.gradcheck(lambda *leaves: blend(labels, *leaves), (weights, means, bases))

@@ -28,7 +28,7 @@ def blend(labels: torch.Tensor, weights: torch.Tensor, means: torch.Tensor, base
         return means[labels] + torch.einsum("vp,vp...->v...", weights, bases[labels])
     # A weighted sum of table rows in one step: gathering first would hold P values of every receiver.
     table = torch.cat([means[:, None], bases], dim=1).flatten(0, 1)
-    rows = labels[:, None] * (bases.shape[1] + 1) + torch.arange(bases.shape[1] + 1)
+    rows = labels[:, None] * (bases.shape[1] + 1) + torch.arange(bases.shape[1] + 1, device=labels.device)
     share = torch.cat([weights.new_ones(len(weights), 1), weights], dim=1)
     mixed = torch.nn.functional.embedding_bag(rows, table.flatten(1), mode="sum", per_sample_weights=share)
     return mixed.unflatten(1, table.shape[1:])

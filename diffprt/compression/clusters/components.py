@@ -39,6 +39,28 @@ def cluster_pca(
     return means.to(vectors.dtype), bases.to(vectors.dtype), weights.to(vectors.dtype)
 
 
+def orthonormal(bases: torch.Tensor, weights: torch.Tensor, labels: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    """The same blend with orthonormal rows, along the principal axes of each cluster's members by falling spread.
+
+    Args:
+        bases: float [M, P, D].
+        weights: float [V, P].
+        labels: int64 [V].
+
+    Returns:
+        bases (rows of no spread are zero) and weights.
+    """
+    turned, blended = torch.zeros_like(bases), torch.zeros_like(weights)
+    for cluster, rows in enumerate(members(labels, len(bases))):
+        if len(rows):
+            directions, triangle = torch.linalg.qr(bases[cluster].double().T)
+            own = weights[rows].double() @ triangle.T
+            axes = _principal_axes(own, len(bases[cluster]))
+            turned[cluster, : len(axes)] = (axes @ directions.T).to(bases.dtype)
+            blended[rows, : len(axes)] = (own @ axes.T).to(weights.dtype)
+    return turned, blended
+
+
 def least_squares(rows: torch.Tensor, means: torch.Tensor, bases: torch.Tensor, labels: torch.Tensor) -> torch.Tensor:
     """Weights [V, P] with which means [M, D] and bases [M, P, D], orthonormal or not, come closest to rows [V, D]."""
     weights = rows.new_empty(len(rows), bases.shape[1])
