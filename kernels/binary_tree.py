@@ -11,7 +11,8 @@ from __future__ import annotations
 import torch
 import warp as wp
 
-from diffprt.kernels.launch import compile_kernels, default_threads, run_chunks, run_ranges
+from diffprt.kernels.cores import default_threads
+from diffprt.kernels.launch import compile_kernels, run_chunks, run_ranges
 
 LEAF_TRIANGLES = 4
 # A node deeper than this is halved by count, which bounds the depth of any tree by 40 + 31 levels.

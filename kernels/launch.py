@@ -16,6 +16,8 @@ from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 import torch
 import warp as wp
 
+from diffprt.kernels.cores import default_threads
+
 _lock = threading.Lock()
 _ready: set[str] = set()
 
@@ -52,11 +54,6 @@ def compile_kernels(*kernels: wp.Kernel) -> None:
             if kernel.module.name not in _ready:
                 kernel.module.load(wp.get_device("cpu"))
                 _ready.add(kernel.module.name)
-
-
-def default_threads() -> int:
-    """The cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def run_chunks(work: Callable[[int], object], chunks: Iterable[int], *, threads: int | None = None) -> Iterator[int]:

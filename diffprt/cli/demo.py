@@ -6,8 +6,8 @@ from pathlib import Path
 
 import typer
 
-from diffprt.cli.report import JsonFile, check_output, print_table, size_text, write_report
-from diffprt.demo import run_demo
+from diffprt.cli.outputs import JsonFile, check_output, write_report
+from diffprt.cli.tables import print_table, size_text
 from diffprt.progress import track
 
 
@@ -18,6 +18,8 @@ def run(
     bounces: int = typer.Option(2, help="Diffuse interreflections."),
     json_file: Path = JsonFile,
 ) -> None:
+    from diffprt.demo import run_demo
+
     check_output(output, directory=True)
     result = run_demo(
         output,

@@ -7,17 +7,10 @@ import time
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-import torch
-
-from diffprt.cli.report import JsonFile, machine, print_table, size_text, write_report
+from diffprt.cli.outputs import JsonFile, machine, write_report
+from diffprt.cli.tables import print_table, size_text
 from diffprt.errors import InputError
-from diffprt.kernels import TriangleMesh, compile_kernels
-from diffprt.kernels.binary_tree import build_subtree
-from diffprt.kernels.mesh import trace_rays
-from diffprt.kernels.packets import trace_hemispheres
-from diffprt.kernels.raster import cover
 from diffprt.progress import status
-from diffprt.transfer import available_memory
 
 OPTIONAL = {
     "embreex": "visibility against Embree (tests, study)",
@@ -29,6 +22,13 @@ BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 
 
 def run(json_file: Path = JsonFile) -> None:
+    from diffprt.kernels import compile_kernels
+    from diffprt.kernels.binary_tree import build_subtree
+    from diffprt.kernels.mesh import trace_rays
+    from diffprt.kernels.packets import trace_hemispheres
+    from diffprt.kernels.raster import cover
+    from diffprt.transfer import available_memory
+
     about = machine()
     begun = time.perf_counter()
     with status("compiling kernels (only the first time)"):
@@ -72,7 +72,10 @@ def openexr_version() -> str:
 
 def _rays_per_second() -> float:
     """Closest hits per second from the center of a sphere, checked: every ray must hit."""
+    import torch
     import trimesh
+
+    from diffprt.kernels import TriangleMesh
 
     ball = trimesh.creation.icosphere(subdivisions=6)
     mesh = TriangleMesh(torch.from_numpy(ball.vertices), torch.from_numpy(ball.faces))

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import typer
 
-from diffprt.cli.inputs import load_light
-from diffprt.cli.report import JsonFile, check_output, size_text, write_report
+from diffprt.cli.outputs import JsonFile, check_output, write_report
+from diffprt.cli.tables import size_text
 from diffprt.errors import InputError
-from diffprt.exporters import export, export_glb, write_three
-from diffprt.exporters.shaders import write_shaders
-from diffprt.rendering import auto_exposure, render
-from diffprt.representation import files as assets
-from diffprt.scene import Camera, Light
-from diffprt.surface import View
+
+if TYPE_CHECKING:
+    from diffprt.scene import Light
 
 
 def run(
@@ -39,6 +37,11 @@ def run(
     shaders: bool = typer.Option(False, "--shaders", help="Also its shaders as GLSL, GLSL ES, HLSL and WGSL."),
     json_file: Path = JsonFile,
 ) -> None:
+    from diffprt.cli.scenes import load_light
+    from diffprt.exporters import export, export_glb, write_three
+    from diffprt.exporters.shaders import write_shaders
+    from diffprt.representation import files as assets
+
     begun = time.perf_counter()
     asset = assets.load(source)
     others = dict(_named(text) for text in versions)
@@ -94,6 +97,10 @@ def _named(text: str) -> tuple[str, Path]:
 
 def balance(asset: object, light: Light) -> Light:
     """The light scaled so that the asset is well exposed at exposure 1: maps come in any unit."""
+    from diffprt.rendering import auto_exposure, render
+    from diffprt.scene import Camera, Light
+    from diffprt.surface import View
+
     camera = Camera.framing(asset.receivers.positions, width=64, height=64)
     factor = auto_exposure(render(asset, light, camera), View.of(asset.receivers, camera).mask)
     return Light(light.coefficients * factor, light.report)

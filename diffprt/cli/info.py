@@ -7,8 +7,9 @@ from pathlib import Path
 
 import typer
 
-from diffprt.cli.report import JsonFile, print_table, size_text, write_report
-from diffprt.representation.files import read_header, read_tensor
+from diffprt.cli.outputs import JsonFile, write_report
+from diffprt.cli.tables import print_table, size_text
+from diffprt.representation.header import read_array, read_header
 
 
 def run(
@@ -25,12 +26,12 @@ def run(
         rows,
     )
     for name in ("scene_hash", "settings", "plan", "certificate", "conventions"):
-        print(f"{name}: {json.dumps(header.get(name), sort_keys=True)}")
-    openness = read_tensor(source, "openness")
-    if openness is not None:
-        header["openness_mean"] = float(openness.double().mean())
+        print(f"{name}: {json.dumps(header[name], sort_keys=True)}")
+    openness = read_array(source, "openness")
+    if openness is not None and openness.size:
+        header["openness_mean"] = float(openness.mean(dtype="float64"))
         print(f"mean openness: {header['openness_mean']:.4f}")
     inside = header["certificate"].get("receivers_inside", 0)
-    if inside:
+    if isinstance(inside, int) and inside:
         print(f"receivers inside geometry: {inside:,}")
     write_report(json_file, "info", header)

@@ -6,17 +6,19 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import torch
 import typer
 
-from diffprt import sh
-from diffprt.cli.inputs import parse_color
-from diffprt.cli.report import JsonFile, check_output, print_table, write_report
+from diffprt.cli.outputs import JsonFile, check_ending, check_output, write_report
+from diffprt.cli.parsing import parse_color
+from diffprt.cli.tables import print_table
 from diffprt.errors import InputError
-from diffprt.images import write_image
-from diffprt.representation import files as assets
-from diffprt.scene import Light
+
+if TYPE_CHECKING:
+    import torch
+
+    from diffprt.scene import Light
 
 app = typer.Typer(help=__doc__, no_args_is_help=True, rich_markup_mode=None)
 
@@ -33,10 +35,13 @@ def light(
     order: int = typer.Option(None, help="SH bands to find.  [default: the asset's]"),
     json_file: Path = JsonFile,
 ) -> None:
+    import torch
+
     from diffprt.inverse import recover_light
     from diffprt.optimization import load_references
+    from diffprt.representation import files as assets
 
-    _check_ending(output, ".exr")
+    check_ending(output, ".exr")
     check_output(output)
     begun = time.perf_counter()
     pictures = load_references(references)
@@ -63,8 +68,9 @@ def albedo(
 ) -> None:
     from diffprt.inverse import recover_albedo
     from diffprt.optimization import load_references
+    from diffprt.representation import files as assets
 
-    _check_ending(output, ".prt")
+    check_ending(output, ".prt")
     check_output(output)
     begun = time.perf_counter()
     asset = assets.load(source)
@@ -85,10 +91,13 @@ def joint(
     variation: float = typer.Option(0.05, help="By how much the albedos of neighbors are expected to differ."),
     json_file: Path = JsonFile,
 ) -> None:
+    import torch
+
     from diffprt.inverse import recover_light_and_albedo
     from diffprt.optimization import load_references
+    from diffprt.representation import files as assets
 
-    _check_ending(output, ".prt")
+    check_ending(output, ".prt")
     check_output(output)
     begun = time.perf_counter()
     asset, pictures = assets.load(source), load_references(references)
@@ -114,6 +123,9 @@ def with_albedo(asset, albedo: torch.Tensor):
 
 def write_map(path: Path, light: Light) -> None:
     """The light as an equirectangular map; where its bands ring below 0 they are kept, EXR holds them."""
+    from diffprt import sh
+    from diffprt.images import write_image
+
     write_image(path, sh.render_map(light.coefficients, _MAP_ROWS, 2 * _MAP_ROWS))
 
 
@@ -139,11 +151,6 @@ def print_albedo(found) -> None:
         print(
             f"note: {100 * found.clamped:.1f} % of the values lay outside [0, 1]: is the light right?", file=sys.stderr
         )
-
-
-def _check_ending(output: Path, ending: str) -> None:
-    if output.suffix.lower() != ending:
-        raise InputError(f"output {output} has ending '{output.suffix}': give a {ending} file")
 
 
 def _report(file: Path | None, kind: str, source: Path, references: Path, begun: float, found: dict, output: Path):

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
 import typer
 
-from diffprt.cli.report import JsonFile, check_output, size_text, write_report
-from diffprt.errors import InputError
-from diffprt.optimization import IMAGE_LOSSES, PARAMETERS, load_references, optimize
+from diffprt.cli.outputs import JsonFile, check_ending, check_output, write_report
+from diffprt.cli.parsing import parse_bytes
+from diffprt.cli.tables import size_text
+from diffprt.options import LOSSES, PARAMETERS
 from diffprt.progress import status, track
-from diffprt.representation import files as assets
-
-_UNITS = {"": 1, "KB": 10**3, "MB": 10**6, "GB": 10**9}
 
 
 def run(
@@ -24,9 +21,7 @@ def run(
     target: Path = typer.Option(None, help="The uncompressed asset: its transfer settles what pictures leave open."),
     output: Path = typer.Option(Path("optimized.prt"), "-o", "--output", help="The asset to write (.prt)."),
     parameters: str = typer.Option(None, help=f"Some of {', '.join(PARAMETERS)}, separated by commas."),
-    loss: str = typer.Option(
-        None, help=f"Such as 'image + 0.1*ssim'; of {', '.join(IMAGE_LOSSES)}, transfer, overdraw."
-    ),
+    loss: str = typer.Option(None, help=f"Such as 'image + 0.1*ssim'; of {', '.join(LOSSES)}."),
     steps: int = typer.Option(None, help="At most this many; 300 without --seconds."),
     seconds: float = typer.Option(None, help="Stop after about this long."),
     tolerance: float = typer.Option(None, help="Stop when held-out pictures have at most this relative error."),
@@ -39,8 +34,10 @@ def run(
     resume: bool = typer.Option(False, help="Go on where the same command was interrupted."),
     json_file: Path = JsonFile,
 ) -> None:
-    if output.suffix != ".prt":
-        raise InputError(f"output {output} has ending '{output.suffix}': give a .prt file")
+    from diffprt.optimization import load_references, optimize
+    from diffprt.representation import files as assets
+
+    check_ending(output, ".prt")
     asset = assets.load(source)
     transfer = None if target is None else assets.load(target)
     check_output(output)
@@ -79,16 +76,3 @@ def run(
     )
     report["outputs"] = {"asset": str(output), "bytes": written}
     write_report(json_file, "optimize", report)
-
-
-def parse_bytes(text: str) -> int:
-    """A number of bytes, with or without KB, MB or GB (powers of 1000)."""
-    found = re.fullmatch(r"\s*([0-9.]+)\s*([KMG]?B?)\s*", text.upper())
-    unit = "" if found is None else found[2].removesuffix("B") + "B" if found[2] not in ("", "B") else ""
-    try:
-        count = round(float(found[1]) * _UNITS[unit]) if found else 0
-    except ValueError:
-        count = 0
-    if count < 1:
-        raise InputError(f"bytes is '{text}': give a size such as 500KB or 2MB")
-    return count

@@ -7,17 +7,10 @@ from pathlib import Path
 
 import typer
 
-from diffprt.cli.inputs import load_light, parse_color, parse_number, parse_size
-from diffprt.cli.report import JsonFile, check_output, write_report
+from diffprt.cli.outputs import JsonFile, check_ending, check_output, write_report
+from diffprt.cli.parsing import parse_color, parse_number, parse_size
 from diffprt.errors import InputError
-from diffprt.images import write_image
-from diffprt.optimization import make_references, save_references
 from diffprt.progress import track
-from diffprt.rendering import auto_exposure, render
-from diffprt.representation import files as assets
-from diffprt.scene import Camera
-from diffprt.shading import tone_map
-from diffprt.surface import View
 
 
 def run(
@@ -47,12 +40,20 @@ def run(
     if reference_set is not None:
         names = lights.split(",")
         return _reference_set(source, names, output, reference_set, size, window, samples, turn, seed, json_file)
-    if output.suffix.lower() not in (".png", ".exr"):
-        raise InputError(f"output {output} has ending '{output.suffix}': give a .png or .exr file")
+    check_ending(output, ".png", ".exr")
     behind = background if background == "light" else parse_color(background, "background")
     width, height = parse_size(size)
     factor = None if exposure == "auto" else parse_number(exposure, "exposure")
     begun = time.perf_counter()
+
+    from diffprt.cli.scenes import load_light
+    from diffprt.images import write_image
+    from diffprt.rendering import auto_exposure, render
+    from diffprt.representation import files as assets
+    from diffprt.scene import Camera
+    from diffprt.shading import tone_map
+    from diffprt.surface import View
+
     asset = assets.load(source)
     radiance = load_light(light, asset.order, window=window, azimuth=light_azimuth)
     check_output(output)
@@ -107,6 +108,11 @@ def _reference_set(
         raise InputError(f"output {folder} has an ending: give a folder, such as -o references")
     width, height = parse_size(size)
     begun = time.perf_counter()
+
+    from diffprt.cli.scenes import load_light
+    from diffprt.optimization import make_references, save_references
+    from diffprt.representation import files as assets
+
     asset = assets.load(source)
     projected = [load_light(light.strip(), asset.order, window=window) for light in lights]
     check_output(folder, directory=True)

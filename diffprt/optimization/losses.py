@@ -8,6 +8,7 @@ import kornia
 import torch
 
 from diffprt.errors import InputError
+from diffprt.options.optimize import LOSSES, OVERDRAW
 from diffprt.shading import tone_map
 
 # Side of the window over which SSIM compares local means and variances (Wang et al. 2004).
@@ -54,7 +55,6 @@ IMAGE_LOSSES: dict[str, Callable[..., torch.Tensor]] = {
     "ssim": ssim,
     "total-variation": total_variation,
 }
-TRANSFER, OVERDRAW = "transfer", "overdraw"
 
 
 def parse_loss(loss: str | dict[str, float]) -> dict[str, float]:
@@ -63,7 +63,6 @@ def parse_loss(loss: str | dict[str, float]) -> dict[str, float]:
     Raises:
         InputError: a name is unknown, or a weight is not above 0.
     """
-    known = (*IMAGE_LOSSES, TRANSFER, OVERDRAW)
     if isinstance(loss, str):
         terms = [part.strip().rpartition("*")[::2] for part in loss.split("+")]
         loss = {}
@@ -73,8 +72,8 @@ def parse_loss(loss: str | dict[str, float]) -> dict[str, float]:
             except ValueError:
                 raise InputError(f"loss weight '{weight}' is no number: write such as image + 0.1*ssim") from None
     for name, weight in loss.items():
-        if name not in known:
-            raise InputError(f"loss '{name}' is unknown: use one of {', '.join(known)}")
+        if name not in LOSSES:
+            raise InputError(f"loss '{name}' is unknown: use one of {', '.join(LOSSES)}")
         if not 0 < weight < float("inf"):
             raise InputError(f"loss '{name}' has weight {weight}: give a number above 0")
     if not set(loss) - {OVERDRAW}:

@@ -14,9 +14,9 @@ from diffprt.compression.prior import check_prior
 from diffprt.errors import InputError
 from diffprt.optimization.formats import encoded, fit_to_bytes
 from diffprt.optimization.image_norm import ImageNorm
-from diffprt.optimization.losses import OVERDRAW, TRANSFER, parse_loss
+from diffprt.optimization.losses import parse_loss
 from diffprt.optimization.metric import Metric
-from diffprt.optimization.parameters import CLUSTERED, Parameters, check_names, trainable
+from diffprt.optimization.parameters import Parameters, check_names, trainable
 from diffprt.optimization.references.checks import check_references
 from diffprt.optimization.references.pictures import Pictures
 from diffprt.optimization.references.reference_set import random_cameras
@@ -27,6 +27,7 @@ from diffprt.optimization.training.outcome import Outcome
 from diffprt.optimization.training.schedule import Schedule
 from diffprt.optimization.training.trainer import Run, train
 from diffprt.optimization.transfer_loss import TransferLoss
+from diffprt.options.optimize import CLUSTERED, OVERDRAW, TRANSFER
 from diffprt.transfer import GlossyTransfer, Transfer
 
 # Views over which the transfer loss weighs receivers beside those of the references.

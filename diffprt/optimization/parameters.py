@@ -15,11 +15,9 @@ import torch
 from diffprt.compression import ClusteredSignal, GlossyAsset, rounded
 from diffprt.errors import InputError
 from diffprt.optimization.metric import Metric
+from diffprt.options.optimize import CLUSTERED, PARAMETERS, SIGNALS
 from diffprt.transfer import Transfer
 
-CLUSTERED = ("means", "bases", "weights")
-SIGNALS = ("diffuse", "glossy", *CLUSTERED)
-PARAMETERS = (*SIGNALS, "labels", "albedo", "exposure", "light")
 _DARKEST = 1e-3
 # An albedo of a half changes by a quarter of what its logit changes by, half of itself.
 _LOGIT = 2.0

@@ -5,6 +5,8 @@ from .bake import BakeOptions as BakeOptions
 from .bake import BakeSettings as BakeSettings
 from .bake import GlossySettings as GlossySettings
 from .keywords import takes as takes
+from .optimize import LOSSES as LOSSES
+from .optimize import PARAMETERS as PARAMETERS
 from .ranges import check_choice as check_choice
 from .ranges import check_order as check_order
 from .ranges import check_threads as check_threads

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from diffprt.cli import main
-from diffprt.cli.optimize import parse_bytes
+from diffprt.cli.parsing import parse_bytes
 from diffprt.compression import compress
 from diffprt.errors import InputError
 from diffprt.optimization import load_references

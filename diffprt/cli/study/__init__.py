@@ -1,35 +1,10 @@
 """Studies: diffprt set beside others, with figures."""
 
-from __future__ import annotations
+from diffprt.cli.lazy import lazy_group
 
-import typer
+COMMANDS = (
+    "reference", "visibility", "tolerance", "overdraw", "clustering", "gradient", "inverse", "display", "optimize",
+    "references", "unseen",
+)  # fmt: skip
 
-from diffprt.cli.study import (
-    clustering,
-    display,
-    gradient,
-    inverse,
-    optimize,
-    overdraw,
-    reference,
-    references,
-    tolerance,
-    unseen,
-    visibility,
-)
-
-app = typer.Typer(help=__doc__, no_args_is_help=True, rich_markup_mode=None)
-for command in (
-    reference,
-    visibility,
-    tolerance,
-    overdraw,
-    clustering,
-    gradient,
-    inverse,
-    display,
-    optimize,
-    references,
-    unseen,
-):
-    app.command(command.__name__.rpartition(".")[2], help=command.__doc__)(command.run)
+app = lazy_group("diffprt.cli.study", COMMANDS, help=__doc__)

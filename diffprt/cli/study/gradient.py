@@ -6,7 +6,8 @@ from pathlib import Path
 
 import typer
 
-from diffprt.cli.report import JsonFile, print_table, say, write_report
+from diffprt.cli.outputs import JsonFile, write_report
+from diffprt.cli.tables import print_table, say
 
 
 def run(

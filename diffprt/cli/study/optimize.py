@@ -6,8 +6,9 @@ from pathlib import Path
 
 import typer
 
-from diffprt.cli.inputs import parse_clusters
-from diffprt.cli.report import JsonFile, check_output, print_table, say, size_text, write_report
+from diffprt.cli.outputs import JsonFile, check_output, write_report
+from diffprt.cli.parsing import parse_clusters
+from diffprt.cli.tables import print_table, say, size_text
 
 
 def run(

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import typer
 
-from diffprt.brdf import parse_brdf
-from diffprt.cli.inputs import parse_color
-from diffprt.cli.report import JsonFile, check_output, print_table, write_report
+from diffprt.cli.outputs import JsonFile, check_output, write_report
+from diffprt.cli.parsing import parse_color
+from diffprt.cli.tables import print_table
 
 
 def run(
@@ -26,6 +26,7 @@ def run(
     up: str = typer.Option(None, help="The axis of the file that points up; y by default."),
     json_file: Path = JsonFile,
 ) -> None:
+    from diffprt.brdf import parse_brdf
     from diffprt.study.reference.study import reference_study
 
     color = None if albedo is None else parse_color(albedo, "albedo")

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import typer
 
-from diffprt.cli.report import check_output, say
-from diffprt.optimization import save_references
+from diffprt.cli.outputs import check_output
+from diffprt.cli.tables import say
 
 
 def run(
@@ -21,6 +21,7 @@ def run(
     seed: int = typer.Option(0, help="Of views, turns and paths."),
     output: Path = typer.Option(Path("references"), "-o", "--output", help="The folder."),
 ) -> None:
+    from diffprt.optimization import save_references
     from diffprt.study.optimization.references import mitsuba_references
 
     check_output(output, directory=True)

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import typer
 
-from diffprt.cli.report import JsonFile, check_output, print_table, say, write_report
-from diffprt.scene import BUILTIN_SCENES
+from diffprt.cli.outputs import JsonFile, check_output, write_report
+from diffprt.cli.tables import print_table, say
 
 
 def run(
@@ -24,6 +24,7 @@ def run(
     output: Path = typer.Option(Path("out/tolerance"), "-o", "--output", help="The folder for rows and chart."),
     json_file: Path = JsonFile,
 ) -> None:
+    from diffprt.scene import BUILTIN_SCENES
     from diffprt.study.tolerance.study import tolerance_study
 
     check_output(output, directory=True)

@@ -6,9 +6,8 @@ from pathlib import Path
 
 import typer
 
-from diffprt.cli.inputs import parse_clusters
-from diffprt.cli.report import JsonFile, check_output, write_report
-from diffprt.optimization import load_references
+from diffprt.cli.outputs import JsonFile, check_output, write_report
+from diffprt.cli.parsing import parse_clusters
 
 
 def run(
@@ -20,6 +19,7 @@ def run(
     output: Path = typer.Option(Path("out/unseen"), "-o", "--output", help="The folder for the sheet."),
     json_file: Path = JsonFile,
 ) -> None:
+    from diffprt.optimization import load_references
     from diffprt.study.optimization.unseen import unseen_study
 
     check_output(output, directory=True)

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import typer
 
-from diffprt.cli.report import JsonFile, check_output, print_table, say, write_report
+from diffprt.cli.outputs import JsonFile, check_output, write_report
+from diffprt.cli.tables import print_table, say
 
 _PEER_COLUMNS = ["scene", "rays", "peer", "differ", "fastest way"]
 

@@ -1,0 +1,52 @@
+"""Scenes and lights that commands are given."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import torch
+
+from diffprt.cli.parsing import parse_color
+from diffprt.errors import InputError
+from diffprt.scene import BUILTIN_ENVIRONMENTS, Environment, Light, Scene, builtin_environment
+
+
+def load_scene(
+    source: str, *, albedo: str | None, ground: bool, occluders: list[str], **loading: str | bool | None
+) -> Scene:
+    """The scene of a file or "builtin:NAME", with what options add to it.
+
+    Args:
+        albedo: replaces every albedo of `source`, one number or three; None keeps them.
+        ground: adds a ground that catches shadows.
+        occluders: files or "builtin:NAME" that only block light.
+        loading: `up`, `non_finite`, `winding` and `recenter` of `Scene.load`, for `source` and occluders.
+    """
+    if loading.get("recenter") and occluders:
+        raise InputError("--recenter moves every file on its own: leave out --occluder, or join the files before")
+    scene = Scene.load(source, **loading)
+    if albedo is not None:
+        scene = scene.with_albedo(torch.tensor(parse_color(albedo, "albedo")))
+    for path in occluders:
+        scene = scene.with_occluder(Scene.load(path, **loading))
+    return scene.with_ground() if ground else scene
+
+
+def load_light(source: str, order: int, *, window: str = "none", azimuth: float = 0.0) -> Light:
+    """The light of a built-in environment or of a map, projected at `order` and turned about +y.
+
+    Args:
+        source: "sky", "studio", ..., or the path of an equirectangular .hdr or .exr map.
+        azimuth: degrees.
+    """
+    source = source.removeprefix("builtin:")
+    environment = builtin_environment(source) if source in BUILTIN_ENVIRONMENTS else Environment.load(Path(source))
+    light = environment.project(order, window=window)
+    return light.rotate(turn_about_y(azimuth)) if azimuth else light
+
+
+def turn_about_y(degrees: float) -> torch.Tensor:
+    """Rotation matrix about +y, counter-clockwise seen from above."""
+    c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    return torch.tensor([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])

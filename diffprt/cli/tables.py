@@ -1,0 +1,37 @@
+"""What people read: tables, sizes, and what goes on."""
+
+from __future__ import annotations
+
+import sys
+
+
+def say(text: str) -> None:
+    """What goes on, for people: beside what programs read."""
+    print(text, file=sys.stderr, flush=True)
+
+
+def print_table(title: str, columns: list[str], rows: list[list[str]]) -> None:
+    """A plain table on standard output; all but the first column are right-aligned."""
+    import rich.box
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(box=rich.box.SIMPLE_HEAD)
+    for index, column in enumerate(columns):
+        table.add_column(column, justify="left" if index == 0 else "right", overflow="fold")
+    for row in rows:
+        table.add_row(*row)
+    console = Console()
+    if not console.is_terminal:
+        console = Console(width=100)
+    console.print(title, markup=False, highlight=False, soft_wrap=True)
+    console.print(table)
+
+
+def size_text(count: float) -> str:
+    """Bytes for people."""
+    for unit in ("B", "KB", "MB", "GB"):
+        if abs(count) < 1000 or unit == "GB":
+            return f"{count:.0f} {unit}" if unit == "B" else f"{count:.2f} {unit}"
+        count /= 1000
+    raise AssertionError
