@@ -1,24 +1,10 @@
 """Light in the spherical harmonics of other engines, three bands: what each calls its nine coefficients.
 
-All order them l (l + 1) + m, as `diffprt.sh` does. They differ in sign (with Condon-Shortley, band 1 is -y, z, -x;
-without, y, z, x), in axes, in whether light or irradiance is meant, and in whether the constants of the basis are
-multiplied in. Scenes are taken to have come in as glTF, by the way each engine imports that.
-
-| engine | coefficients of | sign | constants | axes: ours x, y, z are its |
-|---|---|---|---|---|
-| three.js | radiance | without | apart | x, y, z |
-| Godot | radiance / pi | without | apart | x, y, z |
-| Unreal | radiance | with | apart | x, z, y |
-| Unity | irradiance / pi | any | multiplied in | -x, y, z |
-| Filament | irradiance / pi | any | multiplied in | x, y, z |
-
-Sources: three.js, `LightProbe.sh` (src/math/SphericalHarmonics3.js: getAt, getIrradianceAt). Godot, lightmap captures
-(scene_forward_clustered.glsl: ambient light is E of the coefficients, and is multiplied by albedo without 1/pi).
-Unreal, `FSHVectorRGB3` (SHMath.h: SHBasisFunction, CalcDiffuseTransfer; glTF axes of GLTFExporter's ConvertVector).
-Unity, `SphericalHarmonicsL2` (manual, "Light Probes: technical information"; unity_SHAr is c3, c1, c2, c0 - c6 and
-unity_SHBr c4, c5, 3 c6, c7, the form of Sloan 2008, appendix A10; glTFast turns x around). Filament,
-`IndirectLight::Builder::irradiance(bands, sh)` (IndirectLight.h: sh = L A C / pi).
-Not checked in the engines themselves: Godot's scale is inferred from that shader, Unity's axes are from memory.
+They differ in sign (with Condon-Shortley, band 1 is -y, z, -x; without, y, z, x), in axes, in the order of rows, in
+whether light or irradiance is meant, and in whether the constants of the basis are multiplied in. Scenes are taken to
+have come in as glTF, by the way each engine imports that. `ENGINES` cites the engine's own source of each entry; the
+tests evaluate that source's formula, and docs/display.md says how the numbers lie in memory and what multiplies them.
+Kaolin, DirectXMath and D3DX take our coefficients as they are.
 """
 
 from __future__ import annotations
@@ -48,10 +34,12 @@ class Convention:
     Attributes:
         axes: rows are the engine's x, y and z on the scene's axes.
         scale: what our coefficients, on the engine's axes, are multiplied by, nine numbers.
+        rows: which of them, at l (l + 1) + m, stands in each row.
     """
 
     axes: tuple[tuple[float, float, float], ...]
     scale: tuple[float, ...]
+    rows: tuple[int, ...] = tuple(range(_ORDER**2))
 
 
 def _product(*factors: tuple[float, ...]) -> tuple[float, ...]:
@@ -60,14 +48,31 @@ def _product(*factors: tuple[float, ...]) -> tuple[float, ...]:
 
 _SAME = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 _MIRRORED_X = ((-1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+_MIRRORED_Z = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, -1.0))
 _SWAPPED_YZ = ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, 1.0, 0.0))
+# Irradiance over pi, the basis multiplied in, which leaves no sign to choose.
+_FOLDED = _product(_ODD, _LAMBERT, _CONSTANTS)
 
 ENGINES = {
+    # 0.187: src/math/SphericalHarmonics3.js:119, lights_pars_begin.glsl.js:13-44, WebGLLights.js:279.
     "three.js": Convention(_SAME, _ODD),
+    # 4: modules/lightmapper_rd/lm_compute.glsl; what is seen is albedo times the shader's sum, without 1/pi.
     "godot": Convention(_SAME, _product(_ODD, (1 / math.pi,) * 9)),
+    # SHMath.h: CalcDiffuseTransfer, SHBasisFunction, and the dominant direction (-V3, -V1, V2).
     "unreal": Convention(_SWAPPED_YZ, (1.0,) * 9),
-    "unity": Convention(_MIRRORED_X, _product(_ODD, _LAMBERT, _CONSTANTS)),
-    "filament": Convention(_SAME, _product(_ODD, _LAMBERT, _CONSTANTS)),
+    # ProbePostProcessing.compute, HDRP SphericalHarmonics.cs, core SphericalHarmonics.hlsl; glTFast Jobs.cs:1066, 1204.
+    "unity": Convention(_MIRRORED_X, _FOLDED),
+    # IndirectLight.h, light_indirect.fs, CubemapSH.cpp.
+    "filament": Convention(_SAME, _FOLDED),
+    # 9, in left-handed scenes, its default: sphericalPolynomial.pure.js:40-72, 210, glTFLoader.pure.js:565-571.
+    "babylon": Convention(_MIRRORED_X, _LAMBERT),
+    # 9, in scenes with `useRightHandedSystem`: materialHelper.functions.js:778.
+    "babylon-right-handed": Convention(_MIRRORED_Z, _LAMBERT),
+    # EXT_lights_image_based, irradiance, as Babylon's loader reads it into a left-handed scene; the extension's text
+    # leaves sign, pi and axes open: EXT_lights_image_based.pure.js:86, 99-102.
+    "gltf": Convention(_MIRRORED_X, _product(_LAMBERT, (math.pi,) * 9)),
+    # 2.22: lit/frag/ambient.js:20-29.
+    "playcanvas": Convention(_SAME, _FOLDED, (0, 3, 1, 2, 7, 5, 4, 6, 8)),
 }
 
 
@@ -91,8 +96,8 @@ def to_engine(light: Light | torch.Tensor, engine: str) -> torch.Tensor:
             f"light has shape {list(coefficients.shape)}: give [K, 3] with K of 9 or more, project it with order=3"
         )
     convention = _convention(engine)
-    turned = _to_axes(convention, coefficients.dtype) @ coefficients[: _ORDER**2]
-    return turned * torch.tensor(convention.scale, dtype=coefficients.dtype)[:, None]
+    turned = _to_axes(convention, coefficients) @ coefficients[: _ORDER**2]
+    return (turned * coefficients.new_tensor(convention.scale)[:, None])[list(convention.rows)]
 
 
 def from_engine(coefficients: torch.Tensor, engine: str) -> Light:
@@ -104,8 +109,9 @@ def from_engine(coefficients: torch.Tensor, engine: str) -> Light:
     if tuple(coefficients.shape) != (_ORDER**2, 3):
         raise InputError(f"coefficients have shape {list(coefficients.shape)}: give [9, 3]")
     convention = _convention(engine)
-    ours = coefficients / torch.tensor(convention.scale, dtype=coefficients.dtype)[:, None]
-    return Light(_to_axes(convention, coefficients.dtype).T @ ours)
+    ordered = coefficients[[convention.rows.index(k) for k in range(_ORDER**2)]]
+    ours = ordered / coefficients.new_tensor(convention.scale)[:, None]
+    return Light(_to_axes(convention, coefficients).T @ ours)
 
 
 def _convention(engine: str) -> Convention:
@@ -114,8 +120,11 @@ def _convention(engine: str) -> Convention:
     return ENGINES[engine]
 
 
-def _to_axes(convention: Convention, dtype: torch.dtype) -> torch.Tensor:
-    """D [9, 9] with f(F x) = Σ (D c)_k y_k(x), columns of F the engine's axes; mirrored axes are allowed."""
+def _to_axes(convention: Convention, like: torch.Tensor) -> torch.Tensor:
+    """D [9, 9] with f(F x) = Σ (D c)_k y_k(x), columns of F the engine's axes; mirrored axes are allowed.
+
+    Its dtype and device are those of `like`.
+    """
     columns = torch.tensor(convention.axes, dtype=torch.float64).T
     blocks = frame_rotations(columns[None], _ORDER)
-    return torch.block_diag(*(block[0] for block in blocks)).to(dtype)
+    return torch.block_diag(*(block[0] for block in blocks)).to(like)
