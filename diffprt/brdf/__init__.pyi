@@ -1,4 +1,3 @@
-from .cook_torrance import CookTorrance as CookTorrance
 from .description import BRDFS as BRDFS
 from .description import brdf_of as brdf_of
 from .description import describe_brdf as describe_brdf
@@ -7,12 +6,13 @@ from .fit import exit_fit as exit_fit
 from .fit import fitted_matrix as fitted_matrix
 from .fresnel import Conductor as Conductor
 from .fresnel import Schlick as Schlick
-from .ggx import GGX as GGX
 from .hemisphere import hemisphere_gram as hemisphere_gram
 from .hemisphere import hemisphere_moments as hemisphere_moments
 from .interface import Brdf as Brdf
-from .lambert import Lambert as Lambert
+from .interface import Lambert as Lambert
 from .matrix import brdf_matrix as brdf_matrix
+from .microfacet import GGX as GGX
+from .microfacet import CookTorrance as CookTorrance
 from .phong import ModifiedPhong as ModifiedPhong
 from .phong import Phong as Phong
 from .westin import westin_matrix as westin_matrix

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from diffprt.brdf.cook_torrance import CookTorrance
-from diffprt.brdf.fresnel import Conductor, Schlick
-from diffprt.brdf.ggx import GGX
-from diffprt.brdf.interface import Brdf
-from diffprt.brdf.lambert import Lambert
+from dataclasses import fields
+
+from diffprt.brdf.interface import Brdf, Lambert
+from diffprt.brdf.microfacet import GGX, CookTorrance
+from diffprt.brdf.parameter import described
 from diffprt.brdf.phong import ModifiedPhong, Phong
 from diffprt.errors import InputError
 
@@ -17,27 +17,19 @@ BRDFS: dict[str, type[Brdf]] = {
     "cook-torrance": CookTorrance,
     "ggx": GGX,
 }
-_FACETS = ("diffuse", "specular", "roughness", "masking", "f0", "eta", "k")
-_PARAMETERS = {
-    "lambert": ("diffuse",),
-    "phong": ("diffuse", "specular", "exponent"),
-    "modified-phong": ("diffuse", "specular", "exponent"),
-    "cook-torrance": _FACETS,
-    "ggx": _FACETS,
-}
 
 
 def describe_brdf(brdf: Brdf) -> dict:
-    """The BRDF as plain values: "name", and each parameter as a number, three numbers or a word."""
-    name = next(name for name, kind in BRDFS.items() if type(brdf) is kind)
-    fresnel = getattr(brdf, "fresnel", None)
-    values = {key: getattr(brdf, key, getattr(fresnel, key, None)) for key in _PARAMETERS[name]}
-    plain = {
-        key: value if isinstance(value, str) else value.detach().tolist()
-        for key, value in values.items()
-        if value is not None
-    }
-    return {"name": name, **plain}
+    """The BRDF as plain values: "name", and each parameter as a number, three numbers or a word.
+
+    One that is not in `BRDFS` is named by its class; `brdf_of` does not read it back.
+
+    Raises:
+        InputError: a parameter is no plain value.
+    """
+    kind = type(brdf)
+    names = {known: name for name, known in BRDFS.items()}
+    return {"name": names.get(kind, f"{kind.__module__}.{kind.__qualname__}"), **described(brdf)}
 
 
 def brdf_of(description: dict) -> Brdf:
@@ -50,18 +42,11 @@ def brdf_of(description: dict) -> Brdf:
     name = given.pop("name", None)
     if name not in BRDFS:
         raise InputError(f"name '{name}' is unknown: use one of {', '.join(BRDFS)}")
-    unknown = next((key for key in given if key not in _PARAMETERS[name]), None)
+    known = BRDFS[name].parameters()
+    unknown = next((key for key in given if key not in known), None)
     if unknown is not None:
-        raise InputError(f"{name} has no parameter '{unknown}': give {', '.join(_PARAMETERS[name])}")
-    given = {key: tuple(value) if isinstance(value, list) else value for key, value in given.items()}
-    fresnel = {key: given.pop(key) for key in ("f0", "eta", "k") if key in given}
-    if "f0" in fresnel and len(fresnel) > 1:
-        raise InputError("f0 stands beside eta or k: give f0 (Schlick), or eta and k (a metal)")
-    if len(fresnel) == 1 and "f0" not in fresnel:
-        raise InputError(f"{next(iter(fresnel))} stands alone: a metal has both eta and k")
-    if fresnel:
-        given["fresnel"] = Schlick(**fresnel) if "f0" in fresnel else Conductor(**fresnel)
-    return BRDFS[name](**given)
+        raise InputError(f"{name} has no parameter '{unknown}': give {', '.join(known)}")
+    return BRDFS[name].of(**{key: tuple(value) if isinstance(value, list) else value for key, value in given.items()})
 
 
 def parse_brdf(text: str) -> Brdf:
@@ -83,14 +68,16 @@ def parse_brdf(text: str) -> Brdf:
             raise InputError(f"brdf '{text}' has '{part}' without a parameter: write {name}:parameter=value")
         values.setdefault(key, []).append(after if equals else part)
     try:
-        return brdf_of({"name": name.strip().lower(), **{k: _value(k, v) for k, v in values.items()}})
+        name = name.strip().lower()
+        words = {f.name for f in fields(BRDFS.get(name, Brdf)) if f.type == "str"}
+        return brdf_of({"name": name, **{k: _value(k, v, words) for k, v in values.items()}})
     except InputError as error:
         raise InputError(f"brdf '{text}': {error}") from None
 
 
-def _value(key: str, parts: list[str]) -> float | list[float] | str:
-    """A word for masking, else one number or three."""
-    if key == "masking":
+def _value(key: str, parts: list[str], words: set[str]) -> float | list[float] | str:
+    """A word where the parameter is one, else one number or three."""
+    if key in words:
         return ",".join(parts).strip()
     try:
         numbers = [float(part) for part in parts]

@@ -1,4 +1,8 @@
-"""Integrals of spherical harmonics over the upper hemisphere, exact by Gauss rules."""
+"""Integrals of spherical harmonics over the upper hemisphere, exact by Gauss rules.
+
+They commute with turns about the normal and with mirror images, as isotropic BRDFs do. Such a matrix joins y_lm and
+y_l'm alone, with the same value for m and -m: it is one small block per m >= 0.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +11,7 @@ import math
 import numpy as np
 import torch
 
-from diffprt.brdf.blocks import from_blocks, polar_harmonics
-from diffprt.sh.basis import PRODUCT_ORDER, check_order
+from diffprt.sh.basis import PRODUCT_ORDER, check_order, legendre
 
 
 def hemisphere_moments(order: int, *, cosine: bool) -> torch.Tensor:
@@ -34,3 +37,27 @@ def _rule(order: int, cosine: bool) -> tuple[torch.Tensor, torch.Tensor]:
     z, weight = (torch.from_numpy(values) for values in np.polynomial.legendre.leggauss(order + 1))
     z, weight = (z + 1) / 2, weight / 2
     return z.acos(), weight * z if cosine else weight
+
+
+def polar_harmonics(angle: torch.Tensor, order: int, count: int) -> torch.Tensor:
+    """y_lm at polar `angle` [...] and azimuth 0, for m = 0..count-1: [..., count, order], 0 where l < m."""
+    table, sine = legendre(angle.cos(), order), angle.sin()
+    zero = torch.zeros_like(angle)
+    rows = [[table[l, m] * sine**m if l >= m else zero for l in range(order)] for m in range(count)]
+    return torch.stack([torch.stack(row, dim=-1) for row in rows], dim=-2)
+
+
+def from_blocks(blocks: torch.Tensor, order_out: int, order_in: int) -> torch.Tensor:
+    """The matrix [..., K_out, K_in] of blocks [..., m, order_out, order_in], m = 0..min(orders)-1."""
+    rows, columns, source = [], [], []
+    for m in range(min(order_out, order_in)):
+        for l in range(m, order_out):
+            for k in range(m, order_in):
+                for sign in {m, -m}:
+                    rows.append(l * (l + 1) + sign)
+                    columns.append(k * (k + 1) + sign)
+                    source.append((m * order_out + l) * order_in + k)
+    full = blocks.new_zeros(*blocks.shape[:-3], order_out**2 * order_in**2)
+    places = torch.tensor(rows) * order_in**2 + torch.tensor(columns)
+    full = full.index_copy(-1, places, blocks.flatten(-3)[..., torch.tensor(source)])
+    return full.unflatten(-1, (order_out**2, order_in**2))

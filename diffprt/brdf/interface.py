@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
 
 import torch
 
@@ -19,7 +19,7 @@ from diffprt.errors import InputError
 
 @dataclass(frozen=True, kw_only=True)
 class Brdf(ABC):
-    """A BRDF; its subclasses differ in the lobe.
+    """A BRDF; its subclasses, frozen dataclasses, differ in the lobe and its parameters.
 
     Attributes:
         diffuse: linear reflectance of the Lambertian part, [] or [3], in [0, 1].
@@ -41,6 +41,16 @@ class Brdf(ABC):
         total = (self.diffuse.detach() + self.specular.detach()).max()
         if float(total) > 1 + 1e-6:
             raise InputError(f"diffuse and specular weights add up to {float(total):.4g}: lower them to at most 1")
+
+    @classmethod
+    def parameters(cls) -> tuple[str, ...]:
+        """Names of what `of` takes and descriptions record: the fields of the dataclass."""
+        return tuple(f.name for f in fields(cls) if f.init)
+
+    @classmethod
+    def of(cls, **values: Parameter | str) -> Brdf:
+        """The BRDF with these parameters; those left out have their defaults. Raises InputError as the class does."""
+        return cls(**values)
 
     @property
     def channels(self) -> int:
@@ -112,3 +122,24 @@ class Brdf(ABC):
         """Probability of sampling the lobe."""
         diffuse, specular = float(self.diffuse.detach().mean()), float(self.specular.detach().mean())
         return specular / (diffuse + specular) if specular > 0 else 0.0
+
+
+@dataclass(frozen=True)
+class Lambert(Brdf):
+    """Equal radiance in every direction; `diffuse` is its albedo. Reciprocal and energy-conserving."""
+
+    diffuse: Parameter = 0.8
+    specular: Parameter = field(default=0.0, init=False, repr=False)
+
+    @property
+    def width(self) -> float:
+        return math.pi / 2
+
+    def lobe(self, incoming: torch.Tensor, outgoing: torch.Tensor) -> torch.Tensor:
+        return torch.zeros_like(incoming[..., :1])
+
+    def sample_lobe(self, outgoing: torch.Tensor, u: torch.Tensor) -> torch.Tensor:
+        return cosine_sample(u)
+
+    def lobe_pdf(self, incoming: torch.Tensor, outgoing: torch.Tensor) -> torch.Tensor:
+        return cosine_pdf(incoming)

@@ -6,6 +6,8 @@ import math
 
 import torch
 
+from diffprt.sh.frames import tangent_frames
+
 
 def mirrored(directions: torch.Tensor) -> torch.Tensor:
     """Directions [..., 3] reflected about the normal: (-x, -y, z)."""
@@ -23,16 +25,8 @@ def half_vector(a: torch.Tensor, b: torch.Tensor) -> torch.Tensor:
 
 
 def about(axis: torch.Tensor, cosine: torch.Tensor, angle: torch.Tensor) -> torch.Tensor:
-    """Unit directions [..., 3] at the polar angle with `cosine` [...] and azimuth `angle` [...] about unit `axis`.
-
-    The frame is that of Duff et al., "Building an Orthonormal Basis, Revisited" (JCGT 2017).
-    """
-    x, y, z = axis.unbind(-1)
-    s = torch.where(z >= 0, 1.0, -1.0).to(axis.dtype)
-    a = -1.0 / (s + z)
-    b = x * y * a
-    tangent = torch.stack([1.0 + s * x * x * a, s * b, -s * x], dim=-1)
-    bitangent = torch.stack([b, s + y * y * a, -y], dim=-1)
+    """Unit directions [..., 3] at the polar angle with `cosine` [...] and azimuth `angle` [...] about unit `axis`."""
+    tangent, bitangent, _ = tangent_frames(axis).unbind(-1)
     sine = ((1 - cosine) * (1 + cosine)).clamp_min(0).sqrt()
     parts = (sine * angle.cos())[..., None] * tangent + (sine * angle.sin())[..., None] * bitangent
     return parts + cosine[..., None] * axis

@@ -16,8 +16,7 @@ import math
 import numpy as np
 import torch
 
-from diffprt.brdf.blocks import from_blocks, polar_harmonics
-from diffprt.brdf.hemisphere import hemisphere_moments
+from diffprt.brdf.hemisphere import from_blocks, hemisphere_moments, polar_harmonics
 from diffprt.brdf.interface import Brdf
 from diffprt.brdf.parameter import of_dtype
 from diffprt.sh import check_order

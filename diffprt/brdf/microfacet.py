@@ -15,7 +15,7 @@ import torch
 from diffprt.brdf.fresnel import Conductor, Schlick
 from diffprt.brdf.interface import Brdf
 from diffprt.brdf.local import half_vector
-from diffprt.brdf.parameter import Parameter, checked
+from diffprt.brdf.parameter import Parameter, checked, of_dtype
 from diffprt.errors import InputError
 
 MINIMUM_ROUGHNESS = 1e-3
@@ -46,6 +46,21 @@ class Microfacet(Brdf):
         object.__setattr__(self, "roughness", value)
         if self.masking not in MASKINGS:
             raise InputError(f"masking '{self.masking}' is unknown: use one of {', '.join(MASKINGS)}")
+
+    @classmethod
+    def parameters(cls) -> tuple[str, ...]:
+        return (*(name for name in super().parameters() if name != "fresnel"), "f0", "eta", "k")
+
+    @classmethod
+    def of(cls, **values: Parameter | str) -> Microfacet:
+        fresnel = {key: values.pop(key) for key in ("f0", "eta", "k") if key in values}
+        if "f0" in fresnel and len(fresnel) > 1:
+            raise InputError("f0 stands beside eta or k: give f0 (Schlick), or eta and k (a metal)")
+        if len(fresnel) == 1 and "f0" not in fresnel:
+            raise InputError(f"{next(iter(fresnel))} stands alone: a metal has both eta and k")
+        if fresnel:
+            values["fresnel"] = Schlick(**fresnel) if "f0" in fresnel else Conductor(**fresnel)
+        return cls(**values)
 
     @property
     def channels(self) -> int:
@@ -89,6 +104,47 @@ class Microfacet(Brdf):
         h = half_vector(incoming, outgoing)
         facets = self.distribution(_slope_squared(h), h[..., 2]) * h[..., 2]
         return facets / (4 * (outgoing * h).sum(-1).abs()).clamp_min(1e-20)
+
+
+@dataclass(frozen=True)
+class CookTorrance(Microfacet):
+    """Facets with Gaussian slopes; as published, they hide each other in V-shaped grooves.
+
+    Source: Cook and Torrance 1982; sampling and Smith's term: Walter et al. 2007, eq. 28 and Heitz 2014, eq. 69.
+    """
+
+    masking: str = field(default="v-cavity", kw_only=True)
+
+    def distribution(self, slope_squared: torch.Tensor, cosine: torch.Tensor) -> torch.Tensor:
+        m2 = of_dtype(self.roughness, cosine) ** 2
+        return (-slope_squared / m2).exp() / (math.pi * m2 * cosine.clamp_min(1e-8) ** 4)
+
+    def slope_squared(self, u: torch.Tensor) -> torch.Tensor:
+        return -(of_dtype(self.roughness, u) ** 2) * torch.log1p(-u)
+
+    def visible_share(self, slope_squared: torch.Tensor) -> torch.Tensor:
+        # a is 1 / (m tan θ); beyond 6 nothing is hidden to the last bit of float64.
+        a = (of_dtype(self.roughness, slope_squared) ** 2 * slope_squared).clamp_min(1 / 36).rsqrt()
+        hidden = (a.square().neg().exp() / (a * math.sqrt(math.pi)) - torch.erfc(a)) / 2
+        return 1 / (1 + hidden)
+
+
+@dataclass(frozen=True)
+class GGX(Microfacet):
+    """Facets with the long tails of Trowbridge and Reitz.
+
+    Source: Walter et al. 2007, eq. 33-35.
+    """
+
+    def distribution(self, slope_squared: torch.Tensor, cosine: torch.Tensor) -> torch.Tensor:
+        a2 = of_dtype(self.roughness, cosine) ** 2
+        return a2 / (math.pi * cosine.clamp_min(1e-8) ** 4 * (a2 + slope_squared) ** 2)
+
+    def slope_squared(self, u: torch.Tensor) -> torch.Tensor:
+        return of_dtype(self.roughness, u) ** 2 * u / (1 - u)
+
+    def visible_share(self, slope_squared: torch.Tensor) -> torch.Tensor:
+        return 2 / (1 + (1 + of_dtype(self.roughness, slope_squared) ** 2 * slope_squared).sqrt())
 
 
 def _slope_squared(directions: torch.Tensor) -> torch.Tensor:

@@ -1,6 +1,8 @@
-"""Checks of what describes a BRDF, so that no parameter ends in NaN."""
+"""What describes a BRDF: checked, so that no parameter ends in NaN, and as plain values."""
 
 from __future__ import annotations
+
+from dataclasses import fields, is_dataclass
 
 import torch
 
@@ -30,3 +32,32 @@ def checked(what: str, value: Parameter, low: float, high: float, remedy: str, *
 def of_dtype(parameter: torch.Tensor, like: torch.Tensor) -> torch.Tensor:
     """`parameter` in the dtype and on the device of `like`."""
     return parameter.to(device=like.device, dtype=like.dtype)
+
+
+def described(owner: object) -> dict:
+    """Fields of a dataclass as plain values; those of a dataclass among them stand in its place.
+
+    Raises:
+        InputError: a value, or an attribute that is no field, that a file cannot record.
+    """
+    if stray := vars(owner).keys() - {f.name for f in fields(owner)}:
+        raise InputError(_unrecorded(owner, min(stray)))
+    plain: dict[str, float | str | list[float]] = {}
+    for f in (f for f in fields(owner) if f.init):
+        value = getattr(owner, f.name)
+        if is_dataclass(value):
+            plain |= described(value)
+        elif isinstance(value, torch.Tensor):
+            plain[f.name] = value.detach().tolist()
+        elif isinstance(value, str | int | float):
+            plain[f.name] = value
+        else:
+            raise InputError(_unrecorded(owner, f.name))
+    return plain
+
+
+def _unrecorded(owner: object, name: str) -> str:
+    return (
+        f"{type(owner).__name__} has '{name}', which assets cannot record: make it a field of a frozen dataclass that "
+        "holds a number, a tensor, a word or such a dataclass"
+    )

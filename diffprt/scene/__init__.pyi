@@ -11,7 +11,6 @@ from .light_shapes import directional_light as directional_light
 from .light_shapes import disc_light as disc_light
 from .light_shapes import sphere_light as sphere_light
 from .loading import READERS as READERS
-from .material import BRDFS as BRDFS
 from .material import Material as Material
 from .mesh import Mesh as Mesh
 from .procedural import BUILTIN_ENVIRONMENTS as BUILTIN_ENVIRONMENTS

@@ -13,7 +13,10 @@ from diffprt.scene.mesh import Mesh
 
 
 def scene_digest(meshes: Sequence[Mesh], materials: Sequence[Material]) -> str:
-    """SHA-256 as hexadecimal text, over geometry, materials and flags; names do not count."""
+    """SHA-256 as hexadecimal text, over geometry, materials and flags; names do not count, nor do BRDFs.
+
+    Assets record the BRDFs that they were baked with in their settings.
+    """
     digest = hashlib.sha256(b"diffprt scene 1")
     for mesh in meshes:
         digest.update(repr((mesh.material, mesh.occluder_only, mesh.ground, mesh.computed_normals)).encode())
@@ -21,7 +24,7 @@ def scene_digest(meshes: Sequence[Mesh], materials: Sequence[Material]) -> str:
         for values in (mesh.positions, mesh.faces, normals, mesh.uv, mesh.colors):
             _update(digest, values)
     for material in materials:
-        digest.update(material.brdf.encode())
+        digest.update(b"lambert")
         _update(digest, material.albedo)
         _update(digest, material.albedo_texture)
         if material.transmission:

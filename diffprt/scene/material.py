@@ -6,9 +6,8 @@ from dataclasses import dataclass, replace
 
 import torch
 
+from diffprt.brdf import Brdf
 from diffprt.errors import InputError
-
-BRDFS = ("lambert",)
 
 
 @dataclass(frozen=True)
@@ -18,27 +17,31 @@ class Material:
     Attributes:
         albedo: float32 [3] in [0, 1]; also accepts a number or three numbers.
         albedo_texture: float32 [H, W, 3] linear in [0, 1], times `albedo`; None for a constant material.
-        brdf: one of `BRDFS`.
+        brdf: how the surface reflects, in place of `albedo`; None is Lambertian with the albedo. A scene is glossy
+            where a material has one, and scene hashes leave it out: assets record BRDFs in their settings.
         name: for messages.
         transmission: in [0, 1], the share of what is reflected that leaves on the other side of the surface instead: a
             thin translucent sheet, such as a leaf or paper. Both sides together send out `albedo` of what arrives.
 
-    Gradients reach `albedo` and `albedo_texture` through `sample`; `transmission` has none.
+    Gradients reach `albedo` and `albedo_texture` through `sample`, and the BRDF's parameters; `transmission` has none.
 
     Raises:
-        InputError: an albedo or transmission outside [0, 1] or not a number, an unknown BRDF, a texture of another
+        InputError: an albedo or transmission outside [0, 1] or not a number, what is no BRDF, a texture of another
             shape.
     """
 
     albedo: torch.Tensor
     albedo_texture: torch.Tensor | None = None
-    brdf: str = "lambert"
+    brdf: Brdf | None = None
     name: str = ""
     transmission: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.brdf not in BRDFS:
-            raise InputError(f"material '{self.name}' has BRDF '{self.brdf}': known are {', '.join(BRDFS)}")
+        if not isinstance(self.brdf, Brdf | None):
+            raise InputError(
+                f"material '{self.name}' has BRDF {self.brdf!r}: give a diffprt.brdf.Brdf, such as GGX(0.3), or None "
+                "for lambert with the albedo"
+            )
         albedo = torch.as_tensor(self.albedo, dtype=torch.float32)
         if albedo.ndim == 0:
             albedo = albedo.expand(3)

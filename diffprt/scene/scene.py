@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 import torch
 
+from diffprt.brdf import Brdf
 from diffprt.errors import InputError
 from diffprt.scene.assembly import assembled
 from diffprt.scene.builtin import builtin_meshes
@@ -143,6 +145,27 @@ class Scene:
         materials = tuple(material.with_albedo(albedo) for material in self.materials)
         return replace(self, materials=materials, meshes=tuple(replace(mesh, colors=None) for mesh in self.meshes))
 
+    @property
+    def glossy(self) -> bool:
+        """Whether some material has a BRDF."""
+        return any(material.brdf is not None for material in self.materials)
+
+    def with_brdf(self, brdf: Brdf | Sequence[Brdf]) -> Scene:
+        """The scene with one BRDF everywhere, or with one for each material; gradients reach their parameters.
+
+        Raises:
+            InputError: another number of BRDFs than materials.
+        """
+        brdfs = [brdf] if isinstance(brdf, Brdf) else list(brdf)
+        if len(brdfs) not in {1, len(self.materials)}:
+            raise InputError(
+                f"{len(brdfs)} BRDFs for {len(self.materials)} materials of scene '{self.name}': "
+                "give one, or one per material"
+            )
+        each = brdfs * len(self.materials) if len(brdfs) == 1 else brdfs
+        materials = tuple(replace(material, brdf=b) for material, b in zip(self.materials, each, strict=True))
+        return replace(self, materials=materials)
+
     def with_ground(
         self,
         *,
@@ -208,7 +231,7 @@ class Scene:
         )
 
     def hash(self) -> str:
-        """SHA-256 over geometry, materials and flags, without names; the same on every machine.
+        """SHA-256 over geometry, materials and flags, without names and BRDFs; the same on every machine.
 
         Computed normals are left out: they follow from the rest, up to the last bit of a machine.
         """

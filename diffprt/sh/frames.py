@@ -1,4 +1,4 @@
-"""Rotation into many frames at once, such as the tangent frames of a mesh.
+"""Tangent frames, and rotation into many of them at once.
 
 `rotation_matrices` follows a recurrence for one rotation. Here the functions are evaluated at a few turned points
 and fitted again, band by band: for fixed points x, y_l(F x)ᵀ = y_l(x)ᵀ D_l(F), so D_l(F) = Y_l(x)⁺ Y_l(F x).
@@ -13,6 +13,17 @@ import torch
 
 from diffprt.errors import InputError
 from diffprt.sh.basis import PRODUCT_ORDER, basis, check_order
+
+
+def tangent_frames(normals: torch.Tensor) -> torch.Tensor:
+    """Branchless orthonormal bases of [..., 3] (Duff et al. 2017): [..., 3, 3], columns tangent, bitangent, normal."""
+    x, y, z = normals.unbind(-1)
+    s = torch.where(z >= 0, 1.0, -1.0).to(normals.dtype)
+    a = -1.0 / (s + z)
+    b = x * y * a
+    tangent = torch.stack([1.0 + s * x * x * a, s * b, -s * x], dim=-1)
+    bitangent = torch.stack([b, s + y * y * a, -y], dim=-1)
+    return torch.stack([tangent, bitangent, normals], dim=-1)
 
 
 def frame_rotations(frames: torch.Tensor, order: int) -> list[torch.Tensor]:

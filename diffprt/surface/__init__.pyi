@@ -1,4 +1,3 @@
-from .frames import tangent_frames as tangent_frames
 from .operator import BounceOperator as BounceOperator
 from .operator import OperatorRows as OperatorRows
 from .operator import StoredOperator as StoredOperator

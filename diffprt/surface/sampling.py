@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 import torch
 
-from diffprt.surface.frames import tangent_frames
+from diffprt.sh.frames import tangent_frames
 
 _GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
 

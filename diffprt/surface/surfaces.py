@@ -34,18 +34,13 @@ class Surfaces:
         """Flattens the scene; vertex order is the order of its meshes and of their vertices.
 
         Raises:
-            InputError: no triangles, another BRDF than lambert, or a scene so far from the origin for its size that
-                32-bit coordinates do not resolve it.
+            InputError: no triangles, or a scene so far from the origin for its size that 32-bit coordinates do not
+                resolve it.
         """
         geometry = scene.merged()
         if len(geometry.faces) == 0:
             raise InputError(f"scene '{scene.name}' has no triangles: load a mesh with faces")
         offset_remark(*scene.bounds.numpy(), scene.name)
-        for material in scene.materials:
-            if material.brdf != "lambert":
-                raise InputError(
-                    f"material '{material.name}' has BRDF '{material.brdf}': diffuse transfer knows lambert"
-                )
         seen = torch.tensor([not mesh.occluder_only for mesh in scene.meshes])
         receives = seen[geometry.mesh_of_vertex.long()]
         index = torch.where(receives, receives.long().cumsum(0) - 1, -1)

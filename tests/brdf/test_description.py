@@ -1,6 +1,7 @@
 """BRDFs as plain values and as text: what goes out comes back, and mistakes are named."""
 
 import json
+from dataclasses import dataclass
 
 import pytest
 import torch
@@ -81,3 +82,23 @@ def test_mistakes_are_named(text, message):
     with pytest.raises(InputError, match=message) as caught:
         parse_brdf(text)
     assert text in str(caught.value) and "\n" not in str(caught.value)
+
+
+@dataclass(frozen=True)
+class Shiny(GGX):
+    """A user's own BRDF: a lobe with a parameter of its own."""
+
+    tint: tuple | torch.Tensor = 0.5
+    kind: str = "satin"
+
+
+def test_a_users_own_brdf_describes_itself_or_says_why_not():
+    assert "tint" in Shiny.parameters() and "f0" in Shiny.parameters()
+    plain = describe_brdf(Shiny(0.25, fresnel=Schlick(0.5), tint=0.75))
+    assert plain["name"].endswith("Shiny") and (plain["tint"], plain["f0"], plain["kind"]) == (0.75, 0.5, "satin")
+    with pytest.raises(InputError, match="Shiny has 'tint', which assets cannot record"):
+        describe_brdf(Shiny(tint=(0.1, 0.2, 0.3)))
+    marked = GGX(0.5)
+    object.__setattr__(marked, "notes", [1])
+    with pytest.raises(InputError, match="GGX has 'notes'"):
+        describe_brdf(marked)

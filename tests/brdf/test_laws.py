@@ -8,7 +8,7 @@ import torch
 from diffprt import sh
 from diffprt.brdf import GGX, Conductor, CookTorrance, Lambert, ModifiedPhong, Phong, Schlick
 from diffprt.errors import InputError
-from diffprt.surface.frames import tangent_frames
+from diffprt.sh.frames import tangent_frames
 
 
 def directions(*cosines: float) -> torch.Tensor:

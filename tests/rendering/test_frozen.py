@@ -12,10 +12,9 @@ from diffprt.compression.overdraw.soft_assignment import soft_assignment
 from diffprt.errors import InputError
 from diffprt.rendering import FrozenView, picture, render
 from diffprt.scene import Camera, Environment, builtin_environment
-from diffprt.sh.frames import frame_rotations, rows_from_frames
+from diffprt.sh.frames import frame_rotations, rows_from_frames, tangent_frames
 from diffprt.shading import CURVES, tone_map
 from diffprt.surface import Receivers, View
-from diffprt.surface.frames import tangent_frames
 from diffprt.transfer import GlossyTransfer, Transfer, bake_glossy
 
 

@@ -5,6 +5,7 @@ import pytest
 import torch
 import trimesh
 
+from diffprt.brdf import GGX, Lambert
 from diffprt.errors import InputError
 from diffprt.scene import Material, Mesh, Scene, builtin_scene, load_scene
 
@@ -24,7 +25,7 @@ def test_material_is_checked():
         ({"albedo": (0.1, -0.1, 0.2)}, "albedo"),
         ({"albedo": float("nan")}, "albedo"),
         ({"albedo": (0.1, 0.2)}, "three numbers"),
-        ({"albedo": 1, "brdf": "phong7"}, "material 'x' has BRDF 'phong7': known are lambert"),
+        ({"albedo": 1, "brdf": "phong7"}, "material 'x' has BRDF 'phong7': give a diffprt.brdf.Brdf, .* or None"),
         ({"albedo": 1, "albedo_texture": torch.full((2, 2, 3), 2.0)}, "texture from 2 to 2"),
         ({"albedo": 1, "albedo_texture": torch.zeros(2, 2)}, "shape"),
     ):
@@ -187,3 +188,14 @@ def test_load_scene_takes_what_a_user_types(ball, tmp_path):
     assert load_scene("builtin:sphere").hash() == Scene.load("builtin:sphere").hash()
     with pytest.raises(InputError, match="'teapot' is unknown: known are bunny"):
         load_scene("builtin:teapot")
+
+
+def test_brdfs_stand_in_materials_and_leave_the_hash():
+    scene = builtin_scene("sphere").with_ground()
+    shiny = scene.with_brdf([GGX(0.3), Lambert(0.5)])
+    assert not scene.glossy and shiny.glossy and shiny.hash() == scene.hash()
+    assert [type(m.brdf) for m in shiny.materials] == [GGX, Lambert]
+    one = GGX(0.4)
+    assert all(m.brdf is one for m in scene.with_brdf(one).materials)
+    with pytest.raises(InputError, match=r"3 BRDFs for 2 materials of scene 'sphere': give one, or one per material"):
+        scene.with_brdf([one, one, one])

@@ -5,9 +5,8 @@ import torch
 
 from diffprt import sh
 from diffprt.errors import InputError
-from diffprt.sh.frames import frame_rotations, from_frames, rows_from_frames, to_frames
+from diffprt.sh.frames import frame_rotations, from_frames, rows_from_frames, tangent_frames, to_frames
 from diffprt.sh.product import multiply, product_matrix, triple_products
-from diffprt.surface.frames import tangent_frames
 
 
 def test_products_are_products_of_values(random, directions, dtype, tolerance):

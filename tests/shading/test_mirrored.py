@@ -7,11 +7,10 @@ from diffprt import sh
 from diffprt.brdf import Brdf, Lambert, ModifiedPhong, hemisphere_moments
 from diffprt.errors import InputError
 from diffprt.scene import builtin_scene
-from diffprt.sh.frames import frame_rotations, rows_from_frames
+from diffprt.sh.frames import frame_rotations, rows_from_frames, tangent_frames
 from diffprt.shading import exit_radiance, mirrored_radiance, radiance_towards, shade
 from diffprt.shading.glossy import shade_glossy
 from diffprt.surface import Receivers
-from diffprt.surface.frames import tangent_frames
 from diffprt.transfer import GlossyTransfer
 from diffprt.transfer.glossy.materials import GlossyMaterials
 
@@ -28,7 +27,7 @@ def light_of(order: int) -> torch.Tensor:
 
 def open_transfer(normals: torch.Tensor, brdf: Brdf, order: int, order_out: int) -> GlossyTransfer:
     """Points on the unit sphere that nothing shadows."""
-    materials = GlossyMaterials.of(builtin_scene("sphere", subdivisions=0), brdf, order, order_out, 3e-4)
+    materials = GlossyMaterials.of(builtin_scene("sphere", subdivisions=0).with_brdf(brdf), order, order_out, 3e-4)
     visible = hemisphere_moments(order + order_out - 1, cosine=True).expand(len(normals), -1)
     local = materials.shade(visible, torch.zeros(len(normals), dtype=torch.int64))
     rotations = frame_rotations(tangent_frames(normals.double()), order)

@@ -8,8 +8,8 @@ import torch
 from diffprt import sh
 from diffprt.kernels import TriangleMesh
 from diffprt.scene import Scene, builtin_scene
+from diffprt.sh.frames import tangent_frames
 from diffprt.surface import Receivers, Surfaces
-from diffprt.surface.frames import tangent_frames
 from diffprt.surface.sampling import Pattern, hemisphere_directions
 from diffprt.transfer import bake
 from diffprt.transfer.diffuse.direct import DirectTracer, direct_transfer, open_transfer

@@ -11,10 +11,10 @@ from diffprt.brdf import GGX, Lambert, ModifiedPhong, Phong, fitted_matrix, hemi
 from diffprt.errors import InputError
 from diffprt.kernels import TriangleMesh
 from diffprt.scene import builtin_scene
+from diffprt.sh.frames import tangent_frames
 from diffprt.sh.product import product_matrix
 from diffprt.shading.glossy import shade_glossy
 from diffprt.surface import Receivers, Surfaces
-from diffprt.surface.frames import tangent_frames
 from diffprt.surface.sampling import Pattern, hemisphere_directions
 from diffprt.transfer import bake
 from diffprt.transfer.baking.glossy import bake_glossy
@@ -133,7 +133,7 @@ def test_shadowed_radiance_agrees_with_direct_integration(bumpy, brdf, error):
 
 def test_tables_are_the_fit_times_the_shadow_matrix(bumpy):
     brdf = ModifiedPhong(10.0, diffuse=0.2, specular=(0.5, 0.4, 0.3))
-    materials = GlossyMaterials.of(bumpy, brdf, 3, 4, 3e-4)
+    materials = GlossyMaterials.of(bumpy.with_brdf(brdf), 3, 4, 3e-4)
     visibility = torch.randn(5, 36, dtype=torch.float64, generator=torch.Generator().manual_seed(4))
     expected = fitted_matrix(brdf, 4, 4) @ product_matrix(visibility, 4, 3)[:, None]
     assert torch.allclose(materials.shade(visibility, torch.zeros(5, dtype=torch.int64)), expected, atol=1e-8)

@@ -9,7 +9,7 @@ import torch
 
 from diffprt import sh
 from diffprt.compression.clustered.signal import ClusteredSignal
-from diffprt.surface.frames import tangent_frames
+from diffprt.sh.frames import tangent_frames
 from diffprt.transfer import GlossyTransfer
 
 

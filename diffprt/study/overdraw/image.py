@@ -8,8 +8,8 @@ import torch
 
 from diffprt import sh
 from diffprt.scene import Camera, Light
+from diffprt.sh.frames import tangent_frames
 from diffprt.study.overdraw.signal import Signal
-from diffprt.surface.frames import tangent_frames
 
 _AZIMUTHS = (20.0, 110.0, 200.0, 290.0)
 _ROWS = 4096

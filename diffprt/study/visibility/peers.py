@@ -18,10 +18,10 @@ import torch
 
 from diffprt.errors import InputError
 from diffprt.kernels import default_threads
+from diffprt.sh.frames import tangent_frames
 from diffprt.study.mitsuba.scene import start_mitsuba
 from diffprt.study.timing import Stopwatch
 from diffprt.study.visibility.hemispheres import Hemispheres
-from diffprt.surface.frames import tangent_frames
 
 # Counts blocked rays of every receiver, int64 [V], and times nothing but the tracing.
 Way = Callable[[Stopwatch], np.ndarray]

@@ -17,7 +17,7 @@ from diffprt.surface.surfaces import Surfaces
 from diffprt.transfer.baking.estimate import available_memory
 from diffprt.transfer.baking.glossy_chunks import ChunkedPasses
 from diffprt.transfer.baking.glossy_estimate import check_glossy_memory, glossy_memory
-from diffprt.transfer.glossy.materials import GlossyMaterials
+from diffprt.transfer.glossy.materials import GlossyMaterials, brdfs_of
 from diffprt.transfer.glossy.passes import GlossyPasses
 from diffprt.transfer.glossy.signal import GlossyTransfer
 
@@ -73,8 +73,9 @@ def bake_glossy(
         raise InputError(f"threads is {threads}: give 1 or more, or leave it out to use all {default_threads()}")
     threads = threads or default_threads()
     surfaces = Surfaces.of(scene)
-    brdfs = [brdf] if isinstance(brdf, Brdf) else list(brdf)
-    channels = max((b.channels for b in brdfs), default=1)
+    scene = scene.with_brdf(brdf)
+    brdfs = brdfs_of(scene)
+    channels = max(b.channels for b in brdfs)
     check_glossy_memory(glossy_memory(surfaces, channels, settings, threads), available_memory(), settings)
     saved = {**settings.as_dict(), "brdf": [describe_brdf(b) for b in brdfs]}
     scene_hash = scene.hash()
@@ -83,7 +84,7 @@ def bake_glossy(
     timings = report["timings"]
     with timed(timings, "total"):
         with timed(timings, "BRDF matrices"):
-            materials = GlossyMaterials.of(scene, brdf, settings.order, settings.order_out, settings.ridge)
+            materials = GlossyMaterials.of(scene, settings.order, settings.order_out, settings.ridge)
         with timed(timings, "acceleration structure"):
             mesh = TriangleMesh(surfaces.positions, surfaces.faces, threads=threads)
         passes = GlossyPasses(surfaces, mesh, materials, settings)

@@ -61,11 +61,12 @@ def estimate_glossy(
         InputError: another number of BRDFs than materials.
     """
     threads = threads or default_threads()
+    scene = scene.with_brdf(brdf)
     surfaces = Surfaces.of(scene)
     count = len(surfaces.receivers)
     begun = time.perf_counter()
     with torch.no_grad():
-        materials = GlossyMaterials.of(scene, brdf, settings.order, settings.order_out, settings.ridge)
+        materials = GlossyMaterials.of(scene, settings.order, settings.order_out, settings.ridge)
         mesh = TriangleMesh(surfaces.positions, surfaces.faces, threads=threads)
         passes = GlossyPasses(surfaces, mesh, materials, settings)
         fixed = time.perf_counter() - begun

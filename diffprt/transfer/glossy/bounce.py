@@ -20,7 +20,7 @@ import torch
 from diffprt import sh
 from diffprt.kernels import TriangleMesh
 from diffprt.kernels.hemispheres import HemisphereTracer
-from diffprt.surface.frames import tangent_frames
+from diffprt.sh.frames import tangent_frames
 from diffprt.surface.receivers import Receivers
 from diffprt.surface.sampling import Pattern
 from diffprt.transfer.glossy.grouped_products import rows_times_matrices, sum_of_outer_products

@@ -2,17 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import torch
 
 from diffprt import sh
-from diffprt.brdf import Brdf, fitted_matrix
+from diffprt.brdf import Brdf, Lambert, fitted_matrix
 from diffprt.errors import InputError
 from diffprt.scene import Scene
 from diffprt.sh.product import triple_products
 from diffprt.transfer.glossy.visibility_matrix import visibility_order
+
+
+def brdfs_of(scene: Scene) -> list[Brdf]:
+    """The BRDF that all materials share, or one per material; a material without one is Lambertian with its albedo.
+
+    Raises:
+        InputError: a material without a BRDF whose albedo varies over its surface.
+    """
+    first = scene.materials[0].brdf
+    if first is not None and all(material.brdf is first for material in scene.materials):
+        return [first]
+    for mesh in scene.meshes:
+        material = scene.materials[mesh.material]
+        varies = material.albedo_texture is not None or mesh.colors is not None
+        if material.brdf is None and varies and not mesh.occluder_only:
+            raise InputError(
+                f"material '{material.name}' has a texture or vertex colors and stands beside BRDFs: glossy transfer "
+                "holds one reflectance per material, give it a BRDF or an albedo of one value"
+            )
+    return [_lambert(m.albedo) if m.brdf is None else m.brdf for m in scene.materials]
+
+
+def _lambert(albedo: torch.Tensor) -> Lambert:
+    """Gray where the albedo is: colors would triple the signal."""
+    gray = not albedo.requires_grad and bool((albedo == albedo[0]).all())
+    return Lambert(diffuse=albedo[0] if gray else albedo)
 
 
 @dataclass(frozen=True)
@@ -32,18 +57,9 @@ class GlossyMaterials:
     of_receiver: torch.Tensor
 
     @staticmethod
-    def of(scene: Scene, brdf: Brdf | Sequence[Brdf], order: int, order_out: int, ridge: float) -> GlossyMaterials:
-        """Tables for one BRDF everywhere, or for one per material of the scene.
-
-        Raises:
-            InputError: another number of BRDFs than materials.
-        """
-        brdfs = [brdf] if isinstance(brdf, Brdf) else list(brdf)
-        if len(brdfs) not in {1, len(scene.materials)} or not all(isinstance(b, Brdf) for b in brdfs):
-            raise InputError(
-                f"{len(brdfs)} BRDFs for {len(scene.materials)} materials of scene '{scene.name}': "
-                "give one, or one per material"
-            )
+    def of(scene: Scene, order: int, order_out: int, ridge: float) -> GlossyMaterials:
+        """Tables of the scene's BRDFs."""
+        brdfs = brdfs_of(scene)
         channels = max(b.channels for b in brdfs)
         fits = [fitted_matrix(b, order_out, order_out, ridge=ridge).expand(channels, -1, -1) for b in brdfs]
         reflection = torch.stack(fits)

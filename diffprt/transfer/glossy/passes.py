@@ -10,8 +10,7 @@ import torch
 from diffprt.brdf import hemisphere_gram
 from diffprt.kernels import TriangleMesh
 from diffprt.options.bake import GlossySettings
-from diffprt.sh.frames import frame_rotations, rows_from_frames
-from diffprt.surface.frames import tangent_frames
+from diffprt.sh.frames import frame_rotations, rows_from_frames, tangent_frames
 from diffprt.surface.sampling import Pattern
 from diffprt.surface.surfaces import Surfaces
 from diffprt.transfer.glossy.bounce import GlossyBouncer

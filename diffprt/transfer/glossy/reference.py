@@ -8,7 +8,7 @@ import torch
 
 from diffprt import sh
 from diffprt.brdf import Brdf
-from diffprt.surface.frames import tangent_frames
+from diffprt.sh.frames import tangent_frames
 from diffprt.transfer.diffuse.reference import closest_hits
 
 

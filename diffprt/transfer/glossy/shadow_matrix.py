@@ -8,9 +8,8 @@ from diffprt import sh
 from diffprt.kernels import TriangleMesh
 from diffprt.options.bake import BakeSettings
 from diffprt.scene import Scene
-from diffprt.sh.frames import frame_rotations, from_frames
+from diffprt.sh.frames import frame_rotations, from_frames, tangent_frames
 from diffprt.sh.product import product_matrix
-from diffprt.surface.frames import tangent_frames
 from diffprt.surface.sampling import Pattern
 from diffprt.surface.surfaces import Surfaces
 from diffprt.transfer.glossy.visibility_matrix import UniformPattern, VisibilityTracer, visibility_order

@@ -8,7 +8,7 @@ import torch
 
 from diffprt import sh
 from diffprt.errors import InputError
-from diffprt.surface.frames import tangent_frames
+from diffprt.sh.frames import tangent_frames
 from diffprt.surface.receivers import Receivers
 
 
