@@ -5,6 +5,7 @@ import math
 
 import pytest
 import torch
+from tolerances import FLOAT64
 
 from diffprt.compression import (
     expected_overdraw,
@@ -175,7 +176,9 @@ def test_distance_to_the_nearest_member(generator):
     pairs = (positions[:, None] - positions).norm(dim=2)
     brute = torch.stack([pairs[:, labels == m].amin(1) for m in range(4)], 1)
     for m in range(4):
-        assert torch.allclose(nearest_member(positions, labels, m, torch.arange(200)), brute[:, m], atol=1e-12)
+        assert torch.allclose(
+            nearest_member(positions, labels, m, torch.arange(200)), brute[:, m], atol=FLOAT64["rounding"]
+        )
     assert nearest_member(positions, labels, 4, torch.arange(2)).tolist() == [math.inf, math.inf]
     hard = torch.nn.functional.one_hot(labels, 4).double()
     for width in (0.02, 0.002):
@@ -314,7 +317,7 @@ def test_spared_draws_are_the_slope_of_expected_overdraw(generator):
     order = corners.unit.argsort(stable=True)
     own = torch.bincount(corners.unit, minlength=16)[:, None]  # a receiver's own draws, whatever its neighbors do
     spared = spared_draws(assignment.detach(), corners.unit[order], corners.first[order], corners.second[order])
-    assert torch.allclose(own - spared, slope, atol=1e-12)
+    assert torch.allclose(own - spared, slope, atol=FLOAT64["rounding"])
 
 
 @pytest.mark.parametrize("price", [0.0, 0.5])

@@ -4,6 +4,7 @@ import math
 
 import pytest
 import torch
+from tolerances import FLOAT64
 
 from diffprt.compression import ClusteredTransfer, cluster_pca, compress, lbg
 from diffprt.errors import InputError
@@ -117,8 +118,8 @@ def test_components_are_the_best_subspace(members, generator):
     means, bases, weights = cluster_pca(vectors, torch.zeros(members, dtype=torch.int64), 1, 3)
     error = (vectors - means[0] - weights @ bases[0]).square().sum()
     values = torch.linalg.svdvals(vectors - vectors.mean(0)).square()
-    assert float(error) == pytest.approx(float(values[3:].sum()), rel=1e-10)
-    assert torch.allclose(bases[0] @ bases[0].T, torch.eye(3, dtype=torch.float64), atol=1e-12)
+    assert float(error) == pytest.approx(float(values[3:].sum()), rel=FLOAT64["twin"])
+    assert torch.allclose(bases[0] @ bases[0].T, torch.eye(3, dtype=torch.float64), atol=FLOAT64["rounding"])
 
 
 def test_more_clusters_and_components_never_hurt_much(bumpy_transfer):

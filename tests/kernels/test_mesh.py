@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import torch
+from tolerances import FLOAT32
 
 from diffprt.kernels import TriangleMesh, run_chunks
 from diffprt.scene import builtin_scene
@@ -33,9 +34,9 @@ def test_closest_hits_match_brute_force(bumpy, generator):
     assert int((face >= 0).sum()) > 500
     assert bool((near_edge(twin_weights, 1e-4) | near_edge(weights, 1e-4))[~same].all())
     hit = same & (face >= 0)
-    assert float((distance[hit] - twin_distance[hit]).abs().max()) < 1e-5
+    assert float((distance[hit] - twin_distance[hit]).abs().max()) < FLOAT32["twin"]
     points = (merged.positions[merged.faces[face[hit].long()]] * weights[hit][..., None]).sum(1)
-    assert float((points - (origins + distance[:, None] * directions)[hit]).abs().max()) < 1e-5
+    assert float((points - (origins + distance[:, None] * directions)[hit]).abs().max()) < FLOAT32["twin"]
 
 
 def test_no_ray_escapes_a_closed_box(generator):
@@ -96,7 +97,7 @@ def test_ray_offset_scales_with_size_and_with_distance_from_the_origin():
     here = TriangleMesh(merged.positions, merged.faces).ray_offset()
     large = TriangleMesh(merged.positions * 1000, merged.faces).ray_offset()
     far = TriangleMesh(merged.positions + 1e4, merged.faces).ray_offset()
-    assert large == pytest.approx(1000 * here, rel=1e-5)
+    assert large == pytest.approx(1000 * here, rel=FLOAT32["twin"])
     assert far > 8 * torch.finfo(torch.float32).eps * 1e4
 
 

@@ -1,14 +1,10 @@
-"""The one table of tolerances of this room, and the inputs that its tests share."""
+"""The dtypes and inputs that the tests of spherical harmonics share."""
 
 from collections.abc import Callable
 
 import pytest
 import torch
-
-# Absolute, for values of order 1 (basis values reach sqrt(K / 4 pi) = 2.8 at order 10). float32 allows about
-# 60
-# roundings: ten bands of recurrence, then sums of up to 100 terms.
-TOLERANCE = {torch.float32: 2e-5, torch.float64: 1e-12}
+from tolerances import TOLERANCE
 
 
 @pytest.fixture(params=[torch.float32, torch.float64], ids=["float32", "float64"])
@@ -18,7 +14,7 @@ def dtype(request: pytest.FixtureRequest) -> torch.dtype:
 
 @pytest.fixture
 def tolerance(dtype: torch.dtype) -> float:
-    return TOLERANCE[dtype]
+    return TOLERANCE[dtype]["harmonics"]
 
 
 @pytest.fixture

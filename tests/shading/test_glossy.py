@@ -2,6 +2,7 @@
 
 import pytest
 import torch
+from tolerances import FLOAT64
 
 from diffprt import sh
 from diffprt.compression import ClusteredGlossyTransfer
@@ -47,7 +48,7 @@ def test_radiance_is_view_times_transfer_times_light(channels):
         assert local[2] > 0
         for c in range(3):
             expected = sh.basis(local, 4) @ transfer.glossy[v, c if channels == 3 else 0] @ light[:, c]
-            assert float(found[v, c]) == pytest.approx(float(expected), rel=1e-10)
+            assert float(found[v, c]) == pytest.approx(float(expected), rel=FLOAT64["twin"])
 
 
 def test_views_from_behind_are_lifted_to_the_horizon():
@@ -55,7 +56,7 @@ def test_views_from_behind_are_lifted_to_the_horizon():
     transfer = asset(1)
     normals, positions = transfer.receivers.normals, transfer.receivers.positions
     behind = view_directions(transfer, positions - normals + 0.1 * transfer.frames[:, :, 0])
-    assert torch.allclose(behind, torch.tensor([1.0, 0, 0], dtype=torch.float64).expand(4, 3), atol=1e-12)
+    assert torch.allclose(behind, torch.tensor([1.0, 0, 0], dtype=torch.float64).expand(4, 3), atol=FLOAT64["rounding"])
     straight = shade_glossy(transfer, torch.ones(9, 3), positions - normals)
     assert torch.isfinite(straight).all()
 
@@ -102,7 +103,7 @@ def test_gradients_of_clustered_shading(channels):
     decoded = made(*parameters).decode()
     expected = torch.autograd.grad(mirrored_radiance(decoded, light).square().sum(), [light, *parameters])
     for one, two in zip(gradients, expected, strict=True):
-        assert torch.allclose(one, two, rtol=1e-10, atol=1e-10 * float(two.abs().max()))
+        assert torch.allclose(one, two, rtol=FLOAT64["twin"], atol=FLOAT64["twin"] * float(two.abs().max()))
 
 
 def test_names_of_clusters_and_signs_of_components_change_nothing():
@@ -112,7 +113,7 @@ def test_names_of_clusters_and_signs_of_components_change_nothing():
     back = turned.argsort()
     two = ClusteredGlossyTransfer(turned[one.labels], one.means[back], -one.bases[back], -one.weights, one.receivers)
     light = torch.randn(9, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(11))
-    assert torch.allclose(exit_radiance(one, light), exit_radiance(two, light), rtol=0, atol=1e-12)
+    assert torch.allclose(exit_radiance(one, light), exit_radiance(two, light), rtol=0, atol=FLOAT64["rounding"])
 
 
 def test_float32_stays_float32():

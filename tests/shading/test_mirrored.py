@@ -2,6 +2,7 @@
 
 import pytest
 import torch
+from tolerances import FLOAT32
 
 from diffprt import sh
 from diffprt.brdf import Brdf, Lambert, ModifiedPhong, hemisphere_moments
@@ -49,7 +50,7 @@ def test_at_the_receivers_it_is_shading():
         assert 50 < int(facing.sum()) < 200
         expected = shade_glossy(asset, light_of(3), eye)
         # Positions, normals and so frames are float32.
-        assert torch.allclose(found[facing], expected[facing], atol=1e-5 * float(expected.abs().max()))
+        assert torch.allclose(found[facing], expected[facing], atol=FLOAT32["twin"] * float(expected.abs().max()))
         assert bool(torch.isfinite(found).all())
 
 
@@ -82,7 +83,7 @@ def test_the_eye_matters_to_glossy_assets_alone():
     one, two = (shade(shiny, light, eye) for eye in eyes)
     assert float((one - two).norm()) > 0.1 * float(one.norm())
     one, two = (shade(matte, light, eye) for eye in eyes)
-    assert torch.allclose(one, two, atol=1e-5)
+    assert torch.allclose(one, two, atol=FLOAT32["twin"])
 
 
 def test_gradients():

@@ -5,6 +5,7 @@ import math
 
 import pytest
 import torch
+from tolerances import FLOAT32
 
 from diffprt.errors import InputError
 from diffprt.scene import Scene, builtin_scene
@@ -36,7 +37,7 @@ def test_bowl_error_falls_like_half_the_albedo_per_bounce():
 def test_convex_object_reflects_its_albedo():
     """Hard case 5."""
     transfer = bake(builtin_scene("sphere").with_albedo(0.3), order=3, rays=64, bounces=4)
-    assert torch.allclose(radiance_under_unit_light(transfer, 0.3), torch.tensor(0.3), atol=1e-6)
+    assert torch.allclose(radiance_under_unit_light(transfer, 0.3), torch.tensor(0.3), atol=FLOAT32["rounding"])
 
 
 def test_colored_walls_bleed():
@@ -56,7 +57,7 @@ def test_grey_scenes_have_one_channel_and_agree_with_three(bumpy):
     one = transport.transfer()
     three = transport.transfer(albedo=transport.receivers.albedo.clone().requires_grad_())
     assert one.channels == 1 and three.channels == 3
-    assert torch.allclose(one.diffuse.expand(-1, 3, -1), three.diffuse, atol=1e-6)
+    assert torch.allclose(one.diffuse.expand(-1, 3, -1), three.diffuse, atol=FLOAT32["rounding"])
 
 
 def test_occluder_only_geometry_blocks_and_absorbs():
@@ -138,7 +139,7 @@ def test_albedo_given_later_is_used_for_bounces_and_on_exit(bumpy):
     light = torch.rand(4, 3, generator=torch.Generator().manual_seed(0))
     later = shade(transport.transfer(albedo=torch.tensor([0.2, 0.4, 0.6])), light)
     before = shade(bake(bumpy.with_albedo((0.2, 0.4, 0.6)), order=2, rays=64, bounces=2), light)
-    assert torch.allclose(later, before, atol=1e-6)
+    assert torch.allclose(later, before, atol=FLOAT32["rounding"])
     for wrong, message in [(torch.rand(5), "shape"), (torch.full((3,), 1.5), "values from 1.5")]:
         with pytest.raises(InputError, match=message):
             transport.transfer(albedo=wrong)

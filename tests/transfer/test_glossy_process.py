@@ -4,6 +4,7 @@ from contextlib import contextmanager
 
 import pytest
 import torch
+from tolerances import FLOAT32
 
 from diffprt.brdf import GGX, ModifiedPhong
 from diffprt.errors import InputError, Interrupted
@@ -31,7 +32,7 @@ def test_vertices_may_come_in_any_order(bumpy):
     one, two = (bake_glossy(s, GGX(0.5), **options).glossy for s in (bumpy, mixed))
     off = (two - one[shuffle]).flatten(1).norm(dim=1) / one.flatten(1).norm(dim=1).mean()
     # A ray along an edge may go either way once the triangles have another order.
-    assert float(off.median()) < 1e-5
+    assert float(off.median()) < FLOAT32["twin"]
     assert float(off.quantile(0.95)) < 0.02
 
 

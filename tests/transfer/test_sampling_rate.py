@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 import torch
+from tolerances import FLOAT32
 
 from diffprt.errors import InputError
 from diffprt.kernels import TriangleMesh
@@ -92,7 +93,7 @@ def test_trials_see_what_a_bake_sees():
     pick = torch.arange(0, len(every), 3)
     some = some_receivers(every, pick, mesh.ray_offset())
     whole, part = every.origins(mesh.ray_offset())[pick], some.origins(mesh.ray_offset())
-    assert torch.allclose(whole, part, atol=1e-6)
+    assert torch.allclose(whole, part, atol=FLOAT32["rounding"])
     scene = builtin_scene("cornell", subdivisions=2)
     before, after = (bake(scene, order=3, bounces=n, rays=4096, seed=n, fill_inside=False).diffuse for n in (1, 2))
     pattern = Pattern.create(4096, some.scramble(9, surfaces.positions.amin(0), surfaces.diagonal))
