@@ -3,17 +3,27 @@
 from __future__ import annotations
 
 import time
+from dataclasses import MISSING, fields
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from diffprt.cli.outputs import JsonFile, check_output, write_report
 from diffprt.cli.tables import size_text
 from diffprt.errors import InputError
+from diffprt.options import ExportOptions
 
 if TYPE_CHECKING:
     from diffprt.scene import Light
+
+_FIELDS = {entry.name: entry for entry in fields(ExportOptions)}
+
+
+def _told(name: str, default: Any = None, **shown: Any) -> Any:
+    """An option of the page, as `ExportOptions` describes it."""
+    entry = _FIELDS[name]
+    return typer.Option(default if entry.default is MISSING else entry.default, help=entry.metadata["help"], **shown)
 
 
 def run(
@@ -21,25 +31,19 @@ def run(
     output: Path = typer.Option(Path("page"), "-o", "--output", help="The folder to write index.html into."),
     light: list[str] = typer.Option(["sky", "studio"], help="sky, studio, constant or a map; may be repeated."),
     window: str = typer.Option("hann", help="none, hann, lanczos or auto: trades contrast for less ringing."),
-    curve: str = typer.Option("aces", help="linear, reinhard or aces."),
-    title: str = typer.Option("", help="Shown on the page; the asset's name by default."),
-    registers: int = typer.Option(
-        None, help="Draws clusters in passes of that many float4 uniforms, such as 256.  [default: in one pass]"
-    ),
-    uncompressed: Path = typer.Option(
-        None, help="The transfer that was compressed (.prt): a version to compare with, and a heat map of errors."
-    ),
-    before: Path = typer.Option(None, help="The asset before optimization (.prt), to compare with."),
-    versions: list[str] = typer.Option(
-        [], metavar="NAME=FILE", help="Another asset (.prt) of the same mesh, to compare with; may be repeated."
-    ),
+    curve: str = _told("curve"),
+    title: str = _told("title"),
+    registers: int = _told("registers"),
+    uncompressed: Path = _told("uncompressed"),
+    before: Path = _told("before"),
+    versions: list[str] = _told("versions", [], metavar="NAME=FILE"),
     glb: bool = typer.Option(False, "--glb", help="Also scene.glb, and prt.three.js with an example that shows it."),
     shaders: bool = typer.Option(False, "--shaders", help="Also its shaders as GLSL, GLSL ES, HLSL and WGSL."),
     json_file: Path = JsonFile,
 ) -> None:
     from diffprt.cli.scenes import load_light
-    from diffprt.exporters import export, export_glb, write_three
-    from diffprt.exporters.shaders import write_shaders
+    from diffprt.exporters import export, export_glb, write_shaders, write_three
+    from diffprt.exporters.web.lights import balanced_light
     from diffprt.representation import files as assets
 
     begun = time.perf_counter()
@@ -49,7 +53,7 @@ def run(
     for name in light:
         stem = Path(name).stem.removeprefix("builtin:")
         shown = next(n for n in (stem, *(f"{stem} {i}" for i in range(2, len(light) + 2))) if n not in lights)
-        lights[shown] = balance(asset, load_light(name, asset.order, window=window))
+        lights[shown] = balanced_light(asset, load_light(name, asset.order, window=window))
     check_output(output, directory=True)
     report = export(
         asset,
@@ -72,9 +76,8 @@ def run(
         report["three"] = [str(path) for path in write_three(output)]
     if shaders:
         sizes = {} if registers is None else {"REGISTERS": registers}
-        names = report["programs"]
-        report["shaders"] = [str(path) for path in write_shaders(output / "shaders", names, sizes=sizes)]
-        print(f"{output / 'shaders'}: {len(report['shaders'])} files, {', '.join(names)}")
+        report["shaders"] = [str(path) for path in write_shaders(output / "shaders", report["programs"], sizes=sizes)]
+        print(f"{output / 'shaders'}: {len(report['shaders'])} files, {', '.join(report['programs'])}")
     write_report(
         json_file,
         "export",
@@ -93,14 +96,3 @@ def _named(text: str) -> tuple[str, Path]:
     if not (name and equals and path):
         raise InputError(f"--versions is '{text}': give NAME=FILE")
     return name, Path(path)
-
-
-def balance(asset: object, light: Light) -> Light:
-    """The light scaled so that the asset is well exposed at exposure 1: maps come in any unit."""
-    from diffprt.rendering import auto_exposure, render
-    from diffprt.scene import Camera, Light
-    from diffprt.surface import View
-
-    camera = Camera.framing(asset.receivers.positions, width=64, height=64)
-    factor = auto_exposure(render(asset, light, camera), View.of(asset.receivers, camera).mask)
-    return Light(light.coefficients * factor, light.report)

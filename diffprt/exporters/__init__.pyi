@@ -5,5 +5,7 @@ from .gltf.glb import export_glb as export_glb
 from .gltf.three_module import write_three as write_three
 from .packers.packed import Packed as Packed
 from .packers.registry import pack as pack
+from .shaders.source import shader_source as shader_source
+from .shaders.source import write_shaders as write_shaders
 from .web.export import export as export
 from .web.notebook import show as show

@@ -4,6 +4,8 @@ from .bake import QUALITIES as QUALITIES
 from .bake import BakeOptions as BakeOptions
 from .bake import BakeSettings as BakeSettings
 from .bake import GlossySettings as GlossySettings
+from .export import CURVES as CURVES
+from .export import ExportOptions as ExportOptions
 from .keywords import takes as takes
 from .optimize import LOSSES as LOSSES
 from .optimize import PARAMETERS as PARAMETERS

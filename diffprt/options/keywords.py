@@ -5,30 +5,43 @@ from __future__ import annotations
 import functools
 import inspect
 from collections.abc import Callable
-from typing import Concatenate, ParamSpec, TypeVar
+from typing import Concatenate, Generic, ParamSpec, Protocol, TypeVar, overload
 
 P = ParamSpec("P")
-Subject, Options, Result = TypeVar("Subject"), TypeVar("Options"), TypeVar("Result")
+Subject, Place, Result = TypeVar("Subject"), TypeVar("Place"), TypeVar("Result")
+Options = TypeVar("Options", contravariant=True)
 
 
-def takes(
-    options: Callable[P, Options],
-) -> Callable[[Callable[[Subject, Options], Result]], Callable[Concatenate[Subject, P], Result]]:
-    """Turns f(subject, options) into f(subject, *, a keyword for every field of `options`).
+class Taking(Protocol, Generic[P, Options]):
+    """What `takes` returns: a decorator of functions of one or two arguments beside the options."""
+
+    @overload
+    def __call__(
+        self, function: Callable[[Subject, Options], Result], /
+    ) -> Callable[Concatenate[Subject, P], Result]: ...
+    @overload
+    def __call__(
+        self, function: Callable[[Subject, Place, Options], Result], /
+    ) -> Callable[Concatenate[Subject, Place, P], Result]: ...
+
+
+def takes(options: Callable[P, Options]) -> Taking[P, Options]:
+    """Turns f(subject, ..., options) into f(subject, ..., *, a keyword for every field of `options`).
 
     The result's signature names them all, for people (`help`) and for type checkers.
     """
     fields = inspect.signature(options).parameters.values()
 
-    def decorate(function: Callable[[Subject, Options], Result]) -> Callable[Concatenate[Subject, P], Result]:
+    def decorate(function: Callable) -> Callable:
         own = inspect.signature(function)
-        name = next(iter(own.parameters))
-        signature = own.replace(parameters=[own.parameters[name], *fields])
+        *leading, _ = own.parameters.values()
+        signature = own.replace(parameters=[*leading, *fields])
 
         @functools.wraps(function)
-        def called(*arguments: object, **keywords: object) -> Result:
+        def called(*arguments: object, **keywords: object) -> object:
             given = signature.bind(*arguments, **keywords).arguments
-            return function(given.pop(name), options(**given))
+            subjects = [given.pop(parameter.name) for parameter in leading]
+            return function(*subjects, options(**given))
 
         called.__signature__ = signature
         return called

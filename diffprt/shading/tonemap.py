@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 
 from diffprt.errors import InputError
-from diffprt.options.export import CURVES
+from diffprt.options import CURVES
 
 
 def tone_map(radiance: torch.Tensor, *, exposure: float | torch.Tensor = 1.0, curve: str = "linear") -> torch.Tensor:

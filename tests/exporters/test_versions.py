@@ -12,7 +12,7 @@ from diffprt import sh
 from diffprt.errors import InputError
 from diffprt.exporters import export, pack
 from diffprt.exporters.web import versions
-from diffprt.options.export import ExportOptions
+from diffprt.options import ExportOptions
 from diffprt.rendering import render
 from diffprt.scene import Camera, Light
 from diffprt.shading import tone_map

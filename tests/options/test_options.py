@@ -8,11 +8,12 @@ from dataclasses import fields
 import pytest
 
 from diffprt.errors import InputError
-from diffprt.options import BakeOptions, BakeSettings, GlossySettings, takes
+from diffprt.options import BakeOptions, BakeSettings, ExportOptions, GlossySettings, takes
 
 
 def test_reading_options_loads_nothing_heavy():
-    script = "import diffprt.options.bake, sys; sys.exit(any(m in sys.modules for m in ('torch', 'numpy', 'warp')))"
+    rooms = "diffprt.options.bake, diffprt.options.export"
+    script = f"import {rooms}, sys; sys.exit(any(m in sys.modules for m in ('torch', 'numpy', 'warp')))"
     assert subprocess.run([sys.executable, "-c", script]).returncode == 0
 
 
@@ -28,6 +29,15 @@ def test_a_function_takes_the_fields_as_keywords():
     assert signature.parameters["hours"].default == 1.0 and measure.__doc__ == "What it does."
     with pytest.raises(TypeError, match="unexpected keyword argument 'ray'"):
         measure("a", ray=64)
+
+
+def test_a_function_may_have_an_argument_more():
+    @takes(ExportOptions)
+    def write(asset: str, folder: str, options: ExportOptions) -> tuple:
+        return asset, folder, options
+
+    assert write("a", "b", title="c") == write("a", folder="b", title="c") == ("a", "b", ExportOptions(title="c"))
+    assert list(inspect.signature(write).parameters) == ["asset", "folder", *(f.name for f in fields(ExportOptions))]
 
 
 def test_every_option_says_what_it_does():

@@ -15,18 +15,19 @@ from diffprt.errors import InputError
 from diffprt.exporters.packers.packed import floats
 from diffprt.exporters.packers.registry import pack
 from diffprt.exporters.web.arrays import ArrayStore, version_entry
-from diffprt.exporters.web.default_light import default_light
 from diffprt.exporters.web.fallback_picture import fallback_picture
+from diffprt.exporters.web.lights import default_light
 from diffprt.exporters.web.template import fill_template, joined_scripts, page_source, script_json, shader_elements
 from diffprt.exporters.web.versions import collect
-from diffprt.options.export import ExportOptions
+from diffprt.options import ExportOptions, takes
 from diffprt.representation.files import Asset as Exportable
 from diffprt.scene import Light
 from diffprt.scene.camera import Camera
 from diffprt.whole_file import make_folder, write_whole
 
 
-def export(asset: Exportable, directory: str | Path, **options: Any) -> dict:
+@takes(ExportOptions)
+def export(asset: Exportable, directory: str | Path, options: ExportOptions) -> dict:
     """Writes `directory/index.html`, a page that relights the asset in any browser with WebGL 2.
 
     The page opens from disk, asks the network for nothing, and computes what `shade` and `tone_map` compute:
@@ -40,7 +41,7 @@ def export(asset: Exportable, directory: str | Path, **options: Any) -> dict:
     Args:
         asset: diffuse or glossy transfer, plain or clustered, on receivers with faces.
         directory: made if missing; an index.html in it is replaced whole or not at all.
-        options: of `ExportOptions`: lights, camera, exposure, curve, title, versions to compare with, ...
+        options: each a keyword; `diffprt.options.ExportOptions` describes them.
 
     Returns:
         {"path": str, "bytes": int, "parts": {"geometry", "signal", "page"}, "programs": [str], "left_out": [str]}; the
@@ -52,7 +53,7 @@ def export(asset: Exportable, directory: str | Path, **options: Any) -> dict:
             version another mesh, an option is out of range, or the directory cannot be made or written.
     """
     path = Path(directory) / "index.html"
-    page = page_of(asset, ExportOptions(**options))
+    page = page_of(asset, options)
     make_folder(path.parent)
     write_whole(path, page.content, "page")
     return {

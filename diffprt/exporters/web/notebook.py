@@ -11,7 +11,7 @@ import torch
 
 from diffprt.errors import InputError
 from diffprt.exporters.web.export import page_of
-from diffprt.options.export import ExportOptions
+from diffprt.options import ExportOptions
 from diffprt.representation.files import Asset as Exportable
 from diffprt.scene import Light
 from diffprt.scene.camera import Camera
@@ -50,7 +50,7 @@ def show(asset: Exportable, light: Light | None = None, *, height: int = 480, **
         asset: diffuse or glossy transfer, plain or clustered, on receivers with faces.
         light: shown first, of the asset's order; without it, a plain sky with a sun.
         height: of the frame [CSS pixels], 100..10000.
-        options: of `ExportOptions`, beside the lights.
+        options: those of `diffprt.options.ExportOptions`, beside the lights.
 
     Raises:
         InputError: as `export`, or a height out of range.

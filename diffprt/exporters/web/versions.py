@@ -12,7 +12,7 @@ from diffprt.errors import InputError
 from diffprt.exporters.packers.packed import Packed, floats
 from diffprt.exporters.packers.registry import pack
 from diffprt.exporters.web.template import page_classes
-from diffprt.options.export import ExportOptions
+from diffprt.options import ExportOptions
 from diffprt.representation.files import Asset as Exportable
 from diffprt.transfer import GlossyTransfer, Transfer
 

@@ -10,12 +10,10 @@ from typing import Any
 from diffprt.compression import compress
 from diffprt.errors import InputError
 from diffprt.exporters import export
-from diffprt.rendering import auto_exposure, render
-from diffprt.scene import Camera, Light, Scene
+from diffprt.exporters.web.lights import balanced_light
 from diffprt.scene.procedural import builtin_environment
-from diffprt.study.display.study import running_browser
-from diffprt.surface import View
-from diffprt.transfer import Transfer, bake
+from diffprt.study.display.study import baked, running_browser
+from diffprt.transfer import Transfer
 
 _DESKTOP = {"viewport": {"width": 1280, "height": 800}}
 _PHONE = {"viewport": {"width": 390, "height": 844}, "device_scale_factor": 2, "is_mobile": True, "has_touch": True}
@@ -69,12 +67,10 @@ def display_pictures(
     Raises:
         InputError: there is no Chromium or no playwright, or the page complained.
     """
-    transfer = source
-    if not isinstance(source, Transfer):
-        say(f"baking {source}")
-        transfer = bake(Scene.load(source), order=order, rays=rays, bounces=bounces)
+    transfer = baked(source, say, order=order, rays=rays, bounces=bounces)
     asset = compress(transfer, clusters=clusters, components=components, registers=registers)
-    lights = {name: _balanced(asset, name) for name in _LIGHTS}
+    projected = {name: builtin_environment(name).project(asset.order, window="hann") for name in _LIGHTS}
+    lights = {name: balanced_light(asset, light) for name, light in projected.items()}
     title = str(source).removeprefix("builtin:").capitalize() if isinstance(source, str) else "Transfer"
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -103,11 +99,3 @@ def _shoot(browser: Any, page: str, path: Path, options: dict[str, Any], told: s
     if complaints:
         raise InputError(f"the page complained: {complaints[0]}")
     return path
-
-
-def _balanced(asset: Any, name: str) -> Light:
-    """A built-in light that exposes the asset well at exposure 1."""
-    light = builtin_environment(name).project(asset.order, window="hann")
-    camera = Camera.framing(asset.receivers.positions, width=64, height=64)
-    factor = auto_exposure(render(asset, light, camera), View.of(asset.receivers, camera).mask)
-    return Light(light.coefficients * factor, light.report)

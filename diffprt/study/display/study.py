@@ -9,9 +9,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from diffprt.compression import ClusteredTransfer, compress
+from diffprt.compression import compress
 from diffprt.errors import InputError
-from diffprt.exporters import export, pack
+from diffprt.exporters import Packed, export, pack
 from diffprt.scene import Scene
 from diffprt.study.timing import paired_ratio, spread
 from diffprt.transfer import Transfer, bake
@@ -59,10 +59,7 @@ def display_study(
     Raises:
         InputError: there is no Chromium, or playwright is not installed.
     """
-    transfer = source
-    if not isinstance(source, Transfer):
-        say(f"baking {source}")
-        transfer = bake(Scene.load(source), order=order, rays=rays, bounces=0)
+    transfer = baked(source, say, order=order, rays=rays, bounces=0)
     say(f"compressing into {clusters} clusters")
     clustered = compress(transfer, clusters=clusters, components=components, registers=registers)
     ways = {
@@ -103,10 +100,11 @@ def display_study(
                 "still_ms": spread(times[name]["still"]),
                 "turning_ms": spread(times[name]["turning"]),
                 "triangles_drawn": _triangles_drawn(facts[name], path),
-                "signal_bytes": sum(array.nbytes for array in pack(asset).signal.values()),
-                "light_products": _light_products(asset),
+                "signal_bytes": sum(array.nbytes for array in packed.signal.values()),
+                "light_products": _light_products(packed),
             }
             for name, (asset, _, path) in ways.items()
+            for packed in (pack(asset),)
         ],
         "ratios": {
             name: {motion: paired_ratio(times[name][motion], times["one pass"][motion]) for motion in times[name]}
@@ -121,11 +119,18 @@ def _triangles_drawn(facts: dict[str, Any], path: str) -> int:
     return round(facts["triangles"] * (1 + facts["overdraw"])) if path == "passes" else facts["triangles"]
 
 
-def _light_products(asset: Transfer | ClusteredTransfer) -> int:
+def _light_products(packed: Packed) -> int:
     """Multiplications by which the processor meets a light: none, or each cluster's mean and components."""
-    if isinstance(asset, Transfer):
-        return 0
-    return asset.clusters * (asset.components + 1) * 3 * asset.order**2
+    sizes = packed.numbers
+    return sizes.get("clusters", 0) * (sizes.get("components", 0) + 1) * 3 * sizes["coefficients"]
+
+
+def baked(source: str | Transfer, say: Callable[[str], None], **options: int) -> Transfer:
+    """The transfer, or that of a scene file."""
+    if not isinstance(source, str):
+        return source
+    say(f"baking {source}")
+    return bake(Scene.load(source), **options)
 
 
 @contextmanager

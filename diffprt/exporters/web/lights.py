@@ -1,4 +1,4 @@
-"""The light of a page that was given none."""
+"""The lights of a page: the one it has when none is given, and any, made as bright as pictures want it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,10 @@ from functools import lru_cache
 import torch
 
 from diffprt import sh
-from diffprt.scene import Light
+from diffprt.rendering import auto_exposure, render
+from diffprt.representation.files import Asset as Exportable
+from diffprt.scene import Camera, Light
+from diffprt.surface import View
 
 _SKY_RADIANCE = (0.30, 0.36, 0.44)
 _SUN_IRRADIANCE = (2.6, 2.2, 1.7)
@@ -23,3 +26,10 @@ def default_light(order: int) -> Light:
     coefficients[0] += math.sqrt(4 * math.pi) * torch.tensor(_SKY_RADIANCE, dtype=torch.float64)
     windowed, _ = sh.apply_window(coefficients, "auto")
     return Light(windowed.float())
+
+
+def balanced_light(asset: Exportable, light: Light) -> Light:
+    """The light scaled so that the asset is well exposed at exposure 1: maps come in any unit."""
+    camera = Camera.framing(asset.receivers.positions, width=64, height=64)
+    factor = auto_exposure(render(asset, light, camera), View.of(asset.receivers, camera).mask)
+    return Light(light.coefficients * factor, light.report)
