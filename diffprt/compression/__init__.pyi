@@ -6,7 +6,10 @@ from .clustered.quantize import dequantize as dequantize
 from .clustered.quantize import quantize as quantize
 from .clustered.quantize import rounded as rounded
 from .clustered.signal import ClusteredSignal as ClusteredSignal
+from .clustering import METHODS as METHODS
+from .clustering import cluster as cluster
 from .clusters.components import cluster_pca as cluster_pca
+from .clusters.partition import Clustering as Clustering
 from .clusters.partition import Partition as Partition
 from .clusters.principal_projection import principal_projection as principal_projection
 from .clusters.subspaces import Subspaces as Subspaces
@@ -15,13 +18,11 @@ from .compress import compress as compress
 from .encode import Encoded as Encoded
 from .encode import encode as encode
 from .encode import squared_errors as squared_errors
-from .methods.by_name import METHODS as METHODS
-from .methods.by_name import cluster as cluster
 from .methods.geometry_coherence import lbg_coherent as lbg_coherent
 from .methods.geometry_coherence import smooth_nearest_member as smooth_nearest_member
 from .methods.k_subspaces import k_subspaces as k_subspaces
+from .methods.lbg import STARTS as STARTS
 from .methods.lbg import lbg as lbg
-from .methods.starts import STARTS as STARTS
 from .overdraw.overdraw import draws as draws
 from .overdraw.overdraw import overdraw as overdraw
 from .overdraw.soft_assignment import expected_error as expected_error

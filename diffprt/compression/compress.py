@@ -14,48 +14,27 @@ from diffprt.compression.overdraw.overdraw import overdraw
 from diffprt.compression.overdraw.super_clusters import clusters_per_pass, super_clusters
 from diffprt.compression.prior import check_prior
 from diffprt.errors import InputError
+from diffprt.options.compress import CompressOptions
+from diffprt.options.keywords import takes
 from diffprt.transfer import GlossyTransfer, Transfer
 
 _ROWS = 4096
 
 
+@takes(CompressOptions)
 def compress(
-    transfer: Transfer | GlossyTransfer,
-    *,
-    clusters: int = 64,
-    components: int = 8,
-    method: str | None = None,
-    coherence: float | None = None,
-    slack: float = 0.1,
-    registers: int | None = None,
-    prior: torch.Tensor | None = None,
-    weights_format: str = "float32",
-    bases_format: str = "float32",
-    start: str = "k-means++",
-    seed: int = 0,
-    iterations: int = 50,
-    report: dict | None = None,
+    transfer: Transfer | GlossyTransfer, options: CompressOptions
 ) -> ClusteredTransfer | ClusteredGlossyTransfer:
     """Clusters receivers by their signal and keeps a few principal components per cluster (CPCA).
 
     One label and one set of weights per receiver serve all channels and coefficients.
 
     Args:
-        transfer: what `bake` or `bake_glossy` returns.
-        clusters: M, at most; clusters beyond the number of distinct signals are dropped and reported.
-        components: P per cluster.
-        method: one of `METHODS`; without, the best one: "k-subspaces-overdraw" on meshes, "k-subspaces" on points.
-        coherence: how much overdraw counts, in the method's own unit (see `cluster`); chosen when not given.
-        slack: how far above the least error the choice may go, as a share.
-        registers: float4 registers of a display that draws in passes; super-clusters that fit are then formed while
-            clustering, and the triangles between them are what is spared first.
-        prior: float [K], mean square of each coefficient of incident light (`light_prior`): errors are then weighed
-            as such lights show them, and the unweighted error is a little higher.
-        weights_format, bases_format: "float32", "float16" or "uint8", per cluster and component.
-        start: "k-means++" or the thesis's "hyper-box".
-        seed: of the start.
-        iterations: at most this many rounds of clustering, and of subspaces after it.
-        report: filled with timings, counts and errors.
+        transfer: what `bake` returns.
+        options: see `CompressOptions`. Clusters beyond the number of distinct signals are dropped and reported. With
+            registers, super-clusters that fit them are formed while clustering, and triangles between them are what is
+            spared first. With a prior float [K], errors are weighed as such lights show them, and the unweighted error
+            is a little higher.
 
     Returns:
         `ClusteredTransfer` of diffuse, `ClusteredGlossyTransfer` of glossy transfer; `decode()` is differentiable, the
@@ -67,44 +46,28 @@ def compress(
     begun = time.perf_counter()
     signal = _signal(transfer).detach()
     vectors = signal.reshape(len(signal), -1)
-    faces, shape = transfer.receivers.faces, signal.shape[1:]
-    weights = None
-    if prior is not None:
-        prior = check_prior(prior, shape[-1])
+    faces, shape, components = transfer.receivers.faces, signal.shape[1:], options.components
+    prior = weights = per_pass = None
+    if options.prior is not None:
+        prior = check_prior(options.prior, shape[-1])
         weights = prior.expand(shape).reshape(-1)
-    per_pass = None
-    if registers is not None:
+    if options.registers is not None:
         outputs = shape[1] if isinstance(transfer, GlossyTransfer) else 1
-        per_pass = clusters_per_pass(registers, components, channels=transfer.channels, outputs=outputs)
-    encoded = encode(
-        vectors,
-        clusters=clusters,
-        components=components,
-        method=method,
-        positions=transfer.receivers.positions,
-        faces=faces,
-        coherence=coherence,
-        slack=slack,
-        per_pass=per_pass,
-        prior=weights,
-        weights_format=weights_format,
-        bases_format=bases_format,
-        start=start,
-        seed=seed,
-        iterations=iterations,
-    )
+        per_pass = clusters_per_pass(options.registers, components, channels=transfer.channels, outputs=outputs)
+    known = {"positions": transfer.receivers.positions, "faces": faces, "per_pass": per_pass, "prior": weights}
+    encoded = encode(vectors, **(vars(options) | known))
     found = len(encoded.means)
     squared = squared_errors(vectors, encoded)
-    options = {
-        "clusters": clusters,
+    kept_options = {
+        "clusters": options.clusters,
         "components": components,
         "method": encoded.method,
-        "seed": seed,
-        "start": start,
-        "weights_format": weights_format,
-        "bases_format": bases_format,
+        "seed": options.seed,
+        "start": options.start,
+        "weights_format": options.weights_format,
+        "bases_format": options.bases_format,
         "coherence": encoded.counts.get("coherence"),
-        "registers": registers,
+        "registers": options.registers,
         "prior": None if prior is None else prior.tolist(),
     }
     kept = {
@@ -113,18 +76,18 @@ def compress(
         "bases": encoded.bases.reshape(found, components, *shape),
         "weights": encoded.weights,
         "receivers": transfer.receivers,
-        "settings": {**transfer.settings, "compress": options},
+        "settings": {**transfer.settings, "compress": kept_options},
         "plan": transfer.plan,
         "certificate": {**transfer.certificate, **compression_error(vectors, squared)},
         "scene_hash": transfer.scene_hash,
-        "weights_format": weights_format,
-        "bases_format": bases_format,
+        "weights_format": options.weights_format,
+        "bases_format": options.bases_format,
     }
     if isinstance(transfer, GlossyTransfer):
         compressed = ClusteredGlossyTransfer(**kept)
     else:
         compressed = ClusteredTransfer(**kept, openness=transfer.openness, bent_normals=transfer.bent_normals)
-    if report is not None:
+    if (report := options.report) is not None:
         report["timings"] = {**encoded.timings, "total": time.perf_counter() - begun}
         report["counts"] = {
             "clusters": found,

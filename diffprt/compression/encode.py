@@ -7,11 +7,13 @@ from dataclasses import dataclass, field
 
 import torch
 
-from diffprt.compression.clustered.quantize import check_format, rounded, stored_bytes
+from diffprt.compression.clustered.quantize import rounded, stored_bytes
+from diffprt.compression.clustering import cluster
 from diffprt.compression.clusters.blend import blend
 from diffprt.compression.clusters.components import cluster_pca, least_squares, orthonormal
-from diffprt.compression.methods.by_name import best_method, cluster
 from diffprt.errors import InputError
+from diffprt.options.compress import ClusterOptions
+from diffprt.options.keywords import takes
 from diffprt.torch_threads import one_torch_thread
 
 _ROWS = 4096
@@ -52,90 +54,57 @@ class Encoded:
         return blend(self.labels[rows], self.weights[rows], self.means, self.bases)
 
 
+@takes(ClusterOptions)
 @one_torch_thread()
-def encode(
-    vectors: torch.Tensor,
-    *,
-    clusters: int = 64,
-    components: int = 8,
-    method: str | None = None,
-    positions: torch.Tensor | None = None,
-    faces: torch.Tensor | None = None,
-    coherence: float | None = None,
-    slack: float = 0.1,
-    per_pass: int | None = None,
-    prior: torch.Tensor | None = None,
-    weights_format: str = "float32",
-    bases_format: str = "float32",
-    start: str = "k-means++",
-    seed: int = 0,
-    iterations: int = 50,
-) -> Encoded:
+def encode(vectors: torch.Tensor, options: ClusterOptions) -> Encoded:
     """Clustered principal component analysis of any signal; the same for any number of threads.
 
     Args:
         vectors: float [V, D], such as transfer flattened over channels and coefficients.
-        clusters: M, at most 65536; clusters beyond the number of distinct rows are dropped and counted.
-        components: P per cluster, at most min(D, 64).
-        method: one of `METHODS`; without, the best one that the receivers allow.
-        positions, faces, coherence, slack, per_pass, start, seed, iterations: as in `cluster`.
-        prior: float [D], what an error in each entry weighs. Clusters and components are then best in the weighted
-            error, and worse in the plain one.
-        weights_format, bases_format: "float32", "float16" or "uint8"; means are stored as the bases.
+        options: see `ClusterOptions` and `CompressOptions`. Clusters beyond the number of distinct rows are dropped and
+            counted; components are at most min(D, 64). With a prior, clusters and components are best in the weighted
+            error, and worse in the plain one. Means are stored as the bases.
 
     Returns:
         numbers as they come back from storage. No gradients reach the vectors: `principal_projection` and
         `Subspaces.residuals` have them.
 
     Raises:
-        InputError: an option is out of range.
+        InputError: an option is out of range, or the method needs faces or positions that are not there.
     """
-    if not 1 <= clusters <= 65536:
-        raise InputError(f"clusters is {clusters}: give 1 to 65536, such as 64")
-    size = vectors.shape[1]
-    if not 0 <= components <= min(size, 64):
-        raise InputError(f"components is {components}: give 0 to {min(size, 64)}, such as 8")
-    if iterations < 1:
-        raise InputError(f"iterations is {iterations}: give 1 or more, such as 50")
-    if not slack >= 0:
-        raise InputError(f"slack is {slack}: give 0 or more, such as 0.1")
-    check_format("weights_format", weights_format)
-    check_format("bases_format", bases_format)
-    method = best_method(faces) if method is None else method
+    most = min(vectors.shape[1], 64)
+    if not 0 <= options.components <= most:
+        raise InputError(f"components is {options.components}: give 0 to {most}, such as 8")
     vectors = vectors.detach()
-    scale = None if prior is None else prior.to(vectors).sqrt()
+    scale = None if options.prior is None else options.prior.to(vectors).sqrt()
     weighted = vectors if scale is None else vectors * scale
-    found = cluster(
-        weighted,
-        method,
-        clusters=clusters,
-        components=components,
-        positions=positions,
-        faces=faces,
-        coherence=coherence,
-        slack=slack,
-        per_pass=per_pass,
-        start=start,
-        seed=seed,
-        iterations=iterations,
-    )
+    found = cluster(weighted, **vars(options))
     begun = time.perf_counter()
     count = int(found.labels.max()) + 1
-    means, bases, weights = cluster_pca(weighted, found.labels, count, components)
+    means, bases, weights = cluster_pca(weighted, found.labels, count, options.components)
     if scale is not None:
         means = means / scale
         bases, weights = orthonormal(bases / scale, weights, found.labels)
-    if bases_format != "float32":
-        means = rounded(means[:, None], bases_format)[:, 0]
-        bases = rounded(bases, bases_format)
+    if options.bases_format != "float32":
+        means = rounded(means[:, None], options.bases_format)[:, 0]
+        bases = rounded(bases, options.bases_format)
         one = torch.ones_like(means[0]) if scale is None else scale
         weights = least_squares(weighted, means * one, bases * one, found.labels)
-    weights = rounded(weights, weights_format, ranges=found.labels)
-    timings = {**found.timings, "components": time.perf_counter() - begun}
-    counts: dict = {"clusters_dropped": clusters - count, "iterations": found.iterations}
+    weights = rounded(weights, options.weights_format, ranges=found.labels)
+    counts: dict = {"clusters_dropped": options.clusters - count, "iterations": found.iterations}
     if found.coherence is not None:
         counts["coherence"] = found.coherence
-    return Encoded(found.labels, means, bases, weights, method, weights_format, bases_format, counts, timings)
+    return Encoded(
+        found.labels,
+        means,
+        bases,
+        weights,
+        options.chosen,
+        options.weights_format,
+        options.bases_format,
+        counts,
+        {**found.timings, "components": time.perf_counter() - begun},
+    )
 
 
 def encoded_bytes(

@@ -4,6 +4,11 @@ from .bake import QUALITIES as QUALITIES
 from .bake import BakeOptions as BakeOptions
 from .bake import BakeSettings as BakeSettings
 from .bake import GlossySettings as GlossySettings
+from .compress import FORMATS as FORMATS
+from .compress import METHODS as METHODS
+from .compress import STARTS as STARTS
+from .compress import ClusterOptions as ClusterOptions
+from .compress import CompressOptions as CompressOptions
 from .export import CURVES as CURVES
 from .export import ExportOptions as ExportOptions
 from .keywords import takes as takes

@@ -10,7 +10,6 @@ import torch
 from diffprt.compression import clusters_per_pass, encode, lbg, overdraw, squared_errors, super_clusters
 from diffprt.compression.clusters.partition import canonical
 from diffprt.compression.clusters.randomized_pca import principal_span
-from diffprt.compression.methods.by_name import best_method
 from diffprt.errors import InputError
 from diffprt.scene import Scene, load_scene
 from diffprt.study.overdraw.methods import ORIGINAL, cluster_energy, faiss_labels, has_peer
@@ -127,7 +126,7 @@ def _best(signal: Signal, clusters: int, components: int, registers: int | None,
     if registers is not None:
         per_pass = clusters_per_pass(registers, components, channels=signal.channels, outputs=signal.outputs)
 
-    def encoded(method: str, per_pass: int | None):
+    def encoded(method: str | None, per_pass: int | None):
         watch = Stopwatch()
         found = watch.time(
             lambda: encode(
@@ -152,11 +151,10 @@ def _best(signal: Signal, clusters: int, components: int, registers: int | None,
             row["overdraw_super_clusters"] = super_clusters(found.labels, faces, per_pass).overdraw
         return row
 
-    method = best_method(faces)
-    found, watch = encoded(method, per_pass)
+    found, watch = encoded(None, per_pass)
     row, original = measured(found), measured(encoded(ORIGINAL, None)[0])
     return {
-        "method": method,
+        "method": found.method,
         "cpu_seconds": watch.cpu_seconds,
         "seconds": watch.seconds,
         "timings": found.timings,

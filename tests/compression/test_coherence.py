@@ -22,7 +22,7 @@ from diffprt.compression.clusters.subspaces import Subspaces, fit_subspaces
 from diffprt.compression.methods.anneal import anneal, spared_draws
 from diffprt.compression.methods.geometry_coherence import PLACES, _assign, nearest_member
 from diffprt.compression.methods.label_descent import islands, patches, sweep, sweep_patches
-from diffprt.compression.methods.priced_overdraw import _edges, cohere
+from diffprt.compression.methods.priced_overdraw import _edges, price_overdraw
 from diffprt.compression.methods.reclassify import reclassify
 from diffprt.compression.methods.starts import placed, unit_box
 from diffprt.compression.overdraw.corners import Corners
@@ -281,7 +281,7 @@ def test_a_price_lowers_overdraw(patchwork, edges):
     start = k_subspaces(signal, lbg(signal, 12).labels, 2)
     drawn = [overdraw(start.labels, faces)]
     for price in (0.1, 1.0, 10.0, 100.0):
-        found = cohere(signal, start.labels, faces, start.subspaces, price=price, edges=edges)
+        found = price_overdraw(signal, start.labels, faces, start.subspaces, price=price, edges=edges)
         drawn.append(overdraw(found.labels, faces))
         assert found.price == price
     assert drawn == sorted(drawn, reverse=True) and drawn[-2] - 1 < 0.5 * (drawn[0] - 1)
@@ -290,11 +290,11 @@ def test_a_price_lowers_overdraw(patchwork, edges):
 def test_the_price_is_chosen_within_the_limit(patchwork):
     _, faces, signal = patchwork
     start = k_subspaces(signal, lbg(signal, 12).labels, 2)
-    near = cohere(signal, start.labels, faces, start.subspaces, slack=0.02)
-    far = cohere(signal, start.labels, faces, start.subspaces, slack=1.0)
+    near = price_overdraw(signal, start.labels, faces, start.subspaces, slack=0.02)
+    far = price_overdraw(signal, start.labels, faces, start.subspaces, slack=1.0)
     assert near.error <= 1.02 * min(error for _, error, _ in near.stages)
     assert near.price < far.price and overdraw(far.labels, faces) < overdraw(near.labels, faces)
-    none = cohere(signal, start.labels, faces, start.subspaces, limit=0.0)
+    none = price_overdraw(signal, start.labels, faces, start.subspaces, limit=0.0)
     assert torch.equal(none.labels, start.labels) and none.price == 0.0
 
 
@@ -302,8 +302,8 @@ def test_shared_passes_are_priced(patchwork):
     """With three clusters a pass, the overdraw of passes falls, and clusters may stay more mixed within one."""
     _, faces, signal = patchwork
     start = k_subspaces(signal, lbg(signal, 12).labels, 2)
-    plain = cohere(signal, start.labels, faces, start.subspaces, price=0.3)
-    shared = cohere(signal, start.labels, faces, start.subspaces, price=0.3, per_pass=3)
+    plain = price_overdraw(signal, start.labels, faces, start.subspaces, price=0.3)
+    shared = price_overdraw(signal, start.labels, faces, start.subspaces, price=0.3, per_pass=3)
     drawn = [super_clusters(canonical(p.labels)[0], faces, 3).overdraw for p in (start, shared)]
     assert drawn[1] - 1 < 0.8 * (drawn[0] - 1)
     assert overdraw(plain.labels, faces) < overdraw(shared.labels, faces)

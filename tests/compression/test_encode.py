@@ -5,7 +5,7 @@ import torch
 from tolerances import FLOAT32
 
 from diffprt.compression import METHODS, cluster_pca, encode, light_prior, overdraw, squared_errors
-from diffprt.compression.methods.by_name import cluster
+from diffprt.compression.clustering import cluster
 from diffprt.errors import InputError
 
 
@@ -155,7 +155,7 @@ def test_bad_options_are_named(options, message):
 def test_clustering_reports_what_it_used():
     positions, faces, vectors = rolling(12)
     options = {"clusters": 5, "components": 2, "positions": positions, "faces": faces}
-    assert cluster(vectors, "lbg", **options).coherence is None
-    assert cluster(vectors, "lbg-coherent", **options).coherence == 0.05
-    assert cluster(vectors, "k-subspaces-overdraw", coherence=0.4, **options).coherence == 0.4
-    assert cluster(vectors, "k-subspaces-overdraw", **options).coherence > 0
+    assert cluster(vectors, method="lbg", **options).coherence is None
+    assert cluster(vectors, method="lbg-coherent", **options).coherence == 0.05
+    assert cluster(vectors, method="k-subspaces-overdraw", coherence=0.4, **options).coherence == 0.4
+    assert cluster(vectors, method="k-subspaces-overdraw", **options).coherence > 0

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import torch
 
 from diffprt.errors import InputError
+from diffprt.options.compress import FORMATS
+from diffprt.options.ranges import check_choice
 
-FORMATS = ("float32", "float16", "uint8")
 LEVELS = 255
 _LARGEST_HALF = torch.finfo(torch.float16).max
 
@@ -34,8 +35,7 @@ class Quantized:
 
 def check_format(name: str, value: str) -> None:
     """Raises InputError unless `value` is a format."""
-    if value not in FORMATS:
-        raise InputError(f"{name} is '{value}': use one of {', '.join(FORMATS)}")
+    check_choice(name, value, FORMATS)
 
 
 def stored_bytes(numbers: int, ranges: int, format: str, element_size: int = 4) -> int:

@@ -1,8 +1,8 @@
-"""A partition of receivers into clusters, and the order in which clusters are named."""
+"""A partition of receivers into clusters: names, members, their sums and means."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import torch
@@ -26,6 +26,23 @@ class Partition:
     centers: torch.Tensor
     energy: float
     iterations: int
+
+
+@dataclass(frozen=True)
+class Clustering:
+    """What a method found.
+
+    Attributes:
+        labels: int64 [V]; of `cluster` in [0, M) without empty clusters, of a method itself any.
+        iterations: rounds of clustering.
+        coherence: the weight of coherence that was used, None where the method has none.
+        timings: seconds of each step.
+    """
+
+    labels: torch.Tensor
+    iterations: int
+    coherence: float | None = None
+    timings: dict[str, float] = field(default_factory=dict)
 
 
 def canonical(labels: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:

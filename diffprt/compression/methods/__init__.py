@@ -1,1 +1,1 @@
-"""The ways to find clusters."""
+"""The ways to partition receivers: a file each, named by `METHODS` in diffprt/options/compress.py."""

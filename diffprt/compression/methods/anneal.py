@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import torch
 
-from diffprt.compression.clusters.partition import member_sums
+from diffprt.compression.clusters.partition import Clustering, member_sums
 from diffprt.compression.clusters.subspaces import Subspaces, fit_subspaces
+from diffprt.compression.methods.k_subspaces import FEW_ROUNDS, k_subspaces, subspace_starts
 from diffprt.compression.overdraw.corners import Corners
 from diffprt.compression.overdraw.soft_assignment import soft_assignment
+from diffprt.options.compress import ClusterOptions
 
 _CELLS = 1 << 22
+_PRICE = 0.5
 _WARMEST, _COLDEST, _ROUNDS = 0.5, 0.01, 12
 
 
@@ -67,3 +70,13 @@ def spared_draws(
         start, end = int(rows[0]), int(rows[-1]) + 1
         spared[start:end] += member_sums(one + two - one * two, rows - start, end - start)
     return spared
+
+
+def by_annealing(vectors: torch.Tensor, options: ClusterOptions) -> Clustering:
+    """The method "k-subspaces-soft"."""
+    starts, rounds = subspace_starts(vectors, options)
+    price = _PRICE if options.coherence is None else options.coherence
+    few = min(options.iterations, FEW_ROUNDS)
+    first = k_subspaces(vectors, starts[0], options.components, iterations=few)
+    labels = anneal(vectors, first.labels, options.faces, first.subspaces, price=price)
+    return Clustering(labels, rounds + first.iterations, price)

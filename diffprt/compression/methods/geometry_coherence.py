@@ -7,12 +7,14 @@ import torch
 from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
 
-from diffprt.compression.clusters.partition import Partition, canonical, member_means, nearest
+from diffprt.compression.clusters.partition import Clustering, Partition, canonical, member_means, nearest
 from diffprt.compression.methods.lbg import fill_empty, start_centers
 from diffprt.compression.methods.starts import unit_box
 from diffprt.errors import InputError
+from diffprt.options.compress import ClusterOptions
 
 PLACES = ("nearest", "mean")
+_ALPHA = 0.05
 _ROWS = 4096
 
 
@@ -33,7 +35,7 @@ def lbg_coherent(
     positions: torch.Tensor,
     clusters: int,
     *,
-    alpha: float = 0.05,
+    alpha: float = _ALPHA,
     place: str = "nearest",
     start: str = "k-means++",
     seed: int = 0,
@@ -80,6 +82,18 @@ def lbg_coherent(
     centers = member_means(vectors, labels, len(names))
     energy = (vectors - centers[labels]).square().sum(1).double().sum()
     return Partition(labels, centers, float(energy), done)
+
+
+def by_nearest_member(vectors: torch.Tensor, options: ClusterOptions, *, place: str = "nearest") -> Clustering:
+    """The method "lbg-coherent"."""
+    alpha = _ALPHA if options.coherence is None else options.coherence
+    found = lbg_coherent(vectors, options.positions, options.clusters, alpha=alpha, place=place, **options.lbg)
+    return Clustering(found.labels, found.iterations, alpha)
+
+
+def by_mean_position(vectors: torch.Tensor, options: ClusterOptions) -> Clustering:
+    """The method "lbg-coherent-mean"."""
+    return by_nearest_member(vectors, options, place="mean")
 
 
 def _assign(

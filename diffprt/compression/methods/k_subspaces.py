@@ -7,7 +7,14 @@ from dataclasses import dataclass
 import torch
 
 from diffprt.compression.clusters.near import NearErrors, near_clusters
+from diffprt.compression.clusters.partition import Clustering
 from diffprt.compression.clusters.subspaces import Subspaces, fit_subspaces
+from diffprt.compression.methods.lbg import lbg
+from diffprt.compression.methods.starts import placed
+from diffprt.options.compress import ClusterOptions
+
+# Rounds that suffice before labels are given a price.
+FEW_ROUNDS = 8
 
 
 @dataclass(frozen=True)
@@ -62,3 +69,21 @@ def k_subspaces(
             break
         before = error
     return SubspacePartition(labels, subspaces, error, done)
+
+
+def by_subspaces(vectors: torch.Tensor, options: ClusterOptions) -> Clustering:
+    """The method "k-subspaces"."""
+    starts, rounds = subspace_starts(vectors, options)
+    tried = [k_subspaces(vectors, start, options.components, iterations=options.iterations) for start in starts]
+    best = min(tried, key=lambda partition: partition.error)
+    return Clustering(best.labels, rounds + best.iterations)
+
+
+def subspace_starts(vectors: torch.Tensor, options: ClusterOptions) -> tuple[list[torch.Tensor], int]:
+    """Labels int64 [V] to start from, those of `lbg` last, and the rounds that these took."""
+    found = lbg(vectors, options.clusters, **options.lbg)
+    starts = [found.labels]
+    if options.positions is not None:
+        rows = placed(vectors, options.positions)
+        starts.insert(0, lbg(rows, len(found.centers), **options.lbg).labels)
+    return starts, found.iterations

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import torch
 
-from diffprt.compression.clusters.partition import Partition, canonical, member_means, nearest
-from diffprt.compression.methods.starts import STARTS, hyper_box, plus_plus
+from diffprt.compression.clusters.partition import Clustering, Partition, canonical, member_means, nearest
+from diffprt.compression.methods.starts import hyper_box, plus_plus
 from diffprt.errors import InputError
+from diffprt.options.compress import STARTS, ClusterOptions
 
 
 def lbg(
@@ -45,6 +46,12 @@ def lbg(
     labels, squared = nearest(vectors, centers)
     labels, names = canonical(labels)
     return Partition(labels, centers[names], float(squared.sum(dtype=torch.float64)), done)
+
+
+def by_means(vectors: torch.Tensor, options: ClusterOptions) -> Clustering:
+    """The method "lbg"."""
+    found = lbg(vectors, options.clusters, **options.lbg)
+    return Clustering(found.labels, found.iterations)
 
 
 def start_centers(vectors: torch.Tensor, clusters: int, start: str, seed: int) -> torch.Tensor:

@@ -7,20 +7,24 @@ from dataclasses import dataclass
 import torch
 
 from diffprt.compression.clusters.near import NearErrors, near_clusters
+from diffprt.compression.clusters.partition import Clustering
 from diffprt.compression.clusters.subspaces import Subspaces, fit_subspaces
+from diffprt.compression.methods.k_subspaces import FEW_ROUNDS, k_subspaces, subspace_starts
 from diffprt.compression.methods.label_descent import sweep, sweep_patches
 from diffprt.compression.methods.lbg import fill_empty
 from diffprt.compression.overdraw.corners import Corners
 from diffprt.compression.overdraw.overdraw import draws, overdraw
 from diffprt.compression.overdraw.super_clusters import super_clusters
+from diffprt.options.compress import ClusterOptions
 
 _PRICES = [0.2 * 1.7**stage for stage in range(15)]
 _ROUNDS = 3
+_BELOW_LBG = 0.95
 _HOPELESS, _RISING = 2.0, 1.01
 
 
 @dataclass(frozen=True)
-class CoherentPartition:
+class PricedPartition:
     """Labels found with a price on overdraw.
 
     Attributes:
@@ -36,7 +40,7 @@ class CoherentPartition:
     stages: list[tuple[float, float, float]]
 
 
-def cohere(
+def price_overdraw(
     vectors: torch.Tensor,
     labels: torch.Tensor,
     faces: torch.Tensor,
@@ -47,7 +51,7 @@ def cohere(
     slack: float = 0.1,
     per_pass: int | None = None,
     edges: bool = False,
-) -> CoherentPartition:
+) -> PricedPartition:
     """Lowers squared error + price x overdraw by labels, patches and subspaces in turn, at a rising price.
 
     The rising price is what makes it good: every stage starts from labels that were best at a lower one, and
@@ -74,7 +78,7 @@ def cohere(
         return fit_subspaces(vectors, labels, clusters, components, bases=subspaces.bases)
 
     unit = float(subspaces.own(vectors, labels).double().mean())
-    best = CoherentPartition(labels, unit, 0.0, [])
+    best = PricedPartition(labels, unit, 0.0, [])
     least, stages = unit, []
     for now in _PRICES if price is None else [p for p in _PRICES if p < price] + [price]:
         if int(torch.bincount(labels, minlength=clusters).min()) == 0:
@@ -96,10 +100,42 @@ def cohere(
         least = min(least, error)
         stages.append((now, error, overdraw(labels, faces)))
         if price is not None or (error <= limit and error <= (1 + slack) * least):
-            best = CoherentPartition(labels, error, now, stages)
+            best = PricedPartition(labels, error, now, stages)
         elif error > (1 + _HOPELESS * slack) * least or (best.price == 0.0 and error > _RISING * least):
             break  # nearer than that, a later stage may well fall below the bound again
     return best
+
+
+def by_overdraw(vectors: torch.Tensor, options: ClusterOptions, *, edges: bool = False) -> Clustering:
+    """The method "k-subspaces-overdraw": from the first start that leads below the error of `lbg`."""
+    starts, rounds = subspace_starts(vectors, options)
+    limit = float("inf")
+    if options.coherence is None:
+        plain = fit_subspaces(vectors, starts[-1], int(starts[-1].max()) + 1, options.components)
+        limit = _BELOW_LBG * float(plain.own(vectors, starts[-1]).double().mean())
+    for start in starts:
+        few = min(options.iterations, FEW_ROUNDS)
+        first = k_subspaces(vectors, start, options.components, iterations=few)
+        rounds += first.iterations
+        found = price_overdraw(
+            vectors,
+            first.labels,
+            options.faces,
+            first.subspaces,
+            price=options.coherence,
+            limit=limit,
+            slack=options.slack,
+            per_pass=options.per_pass,
+            edges=edges,
+        )
+        if found.error <= limit:
+            break
+    return Clustering(found.labels, rounds, found.price)
+
+
+def by_edges(vectors: torch.Tensor, options: ClusterOptions) -> Clustering:
+    """The method "k-subspaces-potts"."""
+    return by_overdraw(vectors, options, edges=True)
 
 
 def _edges(faces: torch.Tensor) -> torch.Tensor:

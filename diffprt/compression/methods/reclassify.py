@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import torch
 
 from diffprt.compression.clusters.near import NearErrors, near_clusters
-from diffprt.compression.clusters.subspaces import Subspaces
+from diffprt.compression.clusters.partition import Clustering
+from diffprt.compression.clusters.subspaces import Subspaces, fit_subspaces
+from diffprt.compression.methods.geometry_coherence import by_nearest_member
 from diffprt.compression.methods.label_descent import sweep
+from diffprt.compression.methods.lbg import by_means
 from diffprt.compression.overdraw.corners import Corners
+from diffprt.options.compress import ClusterOptions
 
-_SWEEPS = 16
+_SWEEPS, _TOLERANCE = 16, 0.5
 
 
 def reclassify(
@@ -18,7 +24,7 @@ def reclassify(
     subspaces: Subspaces,
     corners: Corners,
     *,
-    tolerance: float = 0.5,
+    tolerance: float = _TOLERANCE,
 ) -> torch.Tensor:
     """Moves receivers to clusters of their neighbors wherever that lowers overdraw and the error permits it.
 
@@ -57,3 +63,21 @@ def reclassify(
         if torch.equal(before, labels):
             break
     return labels
+
+
+def by_means_reclassified(vectors: torch.Tensor, options: ClusterOptions) -> Clustering:
+    """The method "lbg-reclassified"."""
+    found = by_means(vectors, options)
+    tolerance = _TOLERANCE if options.coherence is None else options.coherence
+    return replace(_joined(vectors, found, options, tolerance), coherence=options.coherence)
+
+
+def by_nearest_member_reclassified(vectors: torch.Tensor, options: ClusterOptions) -> Clustering:
+    """The method "lbg-coherent-reclassified"."""
+    return _joined(vectors, by_nearest_member(vectors, options), options, _TOLERANCE)
+
+
+def _joined(vectors: torch.Tensor, found: Clustering, options: ClusterOptions, tolerance: float) -> Clustering:
+    subspaces = fit_subspaces(vectors, found.labels, int(found.labels.max()) + 1, options.components)
+    corners = Corners.of(options.faces, len(vectors))
+    return replace(found, labels=reclassify(vectors, found.labels, subspaces, corners, tolerance=tolerance))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import torch
 
-STARTS = ("k-means++", "hyper-box")
 _ROWS = 4096
 
 
