@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import torch
-from scipy.special import betaincinv
 
 CONFIDENCE = 0.95
 _Z = 1.645
@@ -14,6 +13,8 @@ def share_below(successes: int, trials: int) -> float:
 
     It also holds for independent trials of unequal probabilities, for their mean (Hoeffding 1956).
     """
+    from scipy.special import betaincinv
+
     return 1.0 if successes >= trials else float(betaincinv(successes + 1, trials - successes, CONFIDENCE))
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
 
 # A tenth of the height at which rays start (`TriangleMesh.ray_offset` is at least 1e-5 diagonals).
 _CLEARANCE = 1e-6
@@ -98,6 +97,8 @@ def _hull(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
     A flat scene has a hull in its plane, and no edges are given: test 3 then compares all its corners.
     """
+    from scipy.spatial import ConvexHull, QhullError
+
     none = np.zeros((0, 2), np.int64)
     try:
         hull = ConvexHull(points)

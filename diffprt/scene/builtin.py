@@ -6,14 +6,12 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
-from trimesh.creation import icosphere
-from trimesh.remesh import subdivide_loop
 
 from diffprt.errors import InputError
 from diffprt.scene.ground import grid_faces
+from diffprt.scene.icosphere import icosphere
 from diffprt.scene.material import Material
 from diffprt.scene.mesh import Mesh
-from diffprt.scene.usd import read_usd
 
 _FINEST = 8
 _WHITE, _RED, _GREEN = (0.725, 0.71, 0.68), (0.63, 0.065, 0.05), (0.14, 0.45, 0.091)
@@ -38,6 +36,8 @@ def builtin_meshes(name: str, *, subdivisions: int | None = None, size: float | 
 
 def _bunny(subdivisions: int) -> Built:
     """The rabbit of warp-lang's examples: 6,102 vertices, 12,200 triangles, Loop-subdivided."""
+    from diffprt.scene.usd import read_usd
+
     package = find_spec("warp")
     folder = Path(next(iter(package.submodule_search_locations))) if package else Path()
     path = folder / "examples" / "assets" / "bunny.usd"
@@ -47,6 +47,8 @@ def _bunny(subdivisions: int) -> Built:
     positions, faces = np.asarray(part.positions, dtype=np.float64)[: part.faces.max() + 1], part.faces
     positions, faces = _unsplit(positions, faces)
     if subdivisions:
+        from trimesh.remesh import subdivide_loop
+
         positions, faces = subdivide_loop(positions, faces, iterations=subdivisions)
     return (Mesh.create(positions, faces, name="bunny"),), (Material(0.8, name="bunny"),)
 
@@ -62,8 +64,8 @@ def _unsplit(positions: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.n
 
 def _sphere(subdivisions: int) -> Built:
     """Unit icosphere of 10 * 4^n + 2 vertices with exact normals."""
-    ball = icosphere(subdivisions=subdivisions, radius=1.0)
-    return (Mesh.create(ball.vertices, ball.faces, ball.vertices, name="sphere"),), (Material(0.8, name="sphere"),)
+    vertices, faces = icosphere(subdivisions)
+    return (Mesh.create(vertices, faces, vertices, name="sphere"),), (Material(0.8, name="sphere"),)
 
 
 def _bowl(subdivisions: int) -> Built:

@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 import torch
+import trimesh
 
 from diffprt.errors import InputError
 from diffprt.scene import BUILTIN_SCENES, builtin_scene
+from diffprt.scene.icosphere import icosphere
 
 COUNTS = {
     "bunny": (24402, 48800),
@@ -57,6 +59,12 @@ def test_sphere_is_exact(scenes):
     assert torch.allclose(mesh.positions.norm(dim=1), torch.ones(2562), atol=1e-6)
     assert torch.allclose(mesh.normals, mesh.positions, atol=1e-6)
     assert builtin_scene("sphere", subdivisions=5).vertex_count == 10242
+
+
+@pytest.mark.parametrize("subdivisions", [0, 1, 4])
+def test_sphere_is_that_of_trimesh(subdivisions):
+    ours, theirs = icosphere(subdivisions), trimesh.creation.icosphere(subdivisions=subdivisions)
+    assert ours[0].tobytes() == np.asarray(theirs.vertices).tobytes() and np.array_equal(ours[1], theirs.faces)
 
 
 def test_bowl_is_half_a_sphere_seen_from_within(scenes):
