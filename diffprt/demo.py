@@ -19,7 +19,6 @@ from diffprt.rendering.sheet import contact_sheet
 from diffprt.representation import files as assets
 from diffprt.scene import Camera, Light, Scene, builtin_environment, builtin_scene
 from diffprt.shading import tone_map
-from diffprt.surface import View
 from diffprt.transfer import trace
 from diffprt.transfer.diffuse.direct import open_transfer
 
@@ -137,7 +136,7 @@ def _pictures(
 ) -> tuple[list[list[torch.Tensor]], dict[str, Light]]:
     """Display images by light and column, one exposure per light; and the lights scaled by it."""
     reference = list(columns.values())[2]
-    mask = View.of(reference.receivers, camera).mask
+    mask = reference.receivers.view(camera).mask
     rows, balanced = [], {}
     for name, light in lights.items():
         factor = auto_exposure(render(reference, light, camera), mask)

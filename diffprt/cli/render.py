@@ -52,7 +52,6 @@ def run(
     from diffprt.representation import files as assets
     from diffprt.scene import Camera
     from diffprt.shading import tone_map
-    from diffprt.surface import View
 
     asset = assets.load(source)
     radiance = load_light(light, asset.order, window=window, azimuth=light_azimuth)
@@ -62,7 +61,7 @@ def run(
     )
     loaded = time.perf_counter()
     image = render(asset, radiance, camera, background=behind, samples=samples)
-    mask = View.of(asset.receivers, camera).mask
+    mask = asset.elements.view(camera).mask
     rendered = time.perf_counter()
     factor = auto_exposure(image, mask) if factor is None else factor
     write_image(output, image if output.suffix.lower() == ".exr" else tone_map(image, exposure=factor, curve=curve))

@@ -1,6 +1,5 @@
 from .clustered.diffuse import ClusteredTransfer as ClusteredTransfer
 from .clustered.glossy import ClusteredGlossyTransfer as ClusteredGlossyTransfer
-from .clustered.glossy import GlossyAsset as GlossyAsset
 from .clustered.quantize import FORMATS as FORMATS
 from .clustered.quantize import dequantize as dequantize
 from .clustered.quantize import quantize as quantize

@@ -6,9 +6,8 @@ import time
 
 import torch
 
-from diffprt.compression.clustered.diffuse import ClusteredTransfer
-from diffprt.compression.clustered.glossy import ClusteredGlossyTransfer
-from diffprt.compression.clustered.signal import ClusteredSignal
+from diffprt.compression.clustered import diffuse, glossy  # noqa: F401  their types register themselves
+from diffprt.compression.clustered.signal import CLUSTERED, ClusteredSignal
 from diffprt.compression.encode import encode, squared_errors
 from diffprt.compression.overdraw.overdraw import overdraw
 from diffprt.compression.overdraw.super_clusters import clusters_per_pass, super_clusters
@@ -16,15 +15,13 @@ from diffprt.compression.prior import check_prior
 from diffprt.errors import InputError
 from diffprt.options.compress import CompressOptions
 from diffprt.options.keywords import takes
-from diffprt.transfer import GlossyTransfer, Transfer
+from diffprt.transfer.at_receivers import TransferAtReceivers
 
 _ROWS = 4096
 
 
 @takes(CompressOptions)
-def compress(
-    transfer: Transfer | GlossyTransfer, options: CompressOptions
-) -> ClusteredTransfer | ClusteredGlossyTransfer:
+def compress(transfer: TransferAtReceivers, options: CompressOptions) -> ClusteredSignal:
     """Clusters receivers by their signal and keeps a few principal components per cluster (CPCA).
 
     One label and one set of weights per receiver serve all channels and coefficients.
@@ -44,7 +41,7 @@ def compress(
         InputError: an option is out of range, or the transfer is compressed already.
     """
     begun = time.perf_counter()
-    signal = _signal(transfer).detach()
+    kind, signal = clustered_kind(transfer), transfer.signal.detach()
     vectors = signal.reshape(len(signal), -1)
     faces, shape, components = transfer.receivers.faces, signal.shape[1:], options.components
     prior = weights = per_pass = None
@@ -52,7 +49,7 @@ def compress(
         prior = check_prior(options.prior, shape[-1])
         weights = prior.expand(shape).reshape(-1)
     if options.registers is not None:
-        outputs = shape[1] if isinstance(transfer, GlossyTransfer) else 1
+        outputs = shape[1] if len(shape) > 2 else 1
         per_pass = clusters_per_pass(options.registers, components, channels=transfer.channels, outputs=outputs)
     known = {"positions": transfer.receivers.positions, "faces": faces, "per_pass": per_pass, "prior": weights}
     encoded = encode(vectors, **(vars(options) | known))
@@ -76,17 +73,13 @@ def compress(
         "bases": encoded.bases.reshape(found, components, *shape),
         "weights": encoded.weights,
         "receivers": transfer.receivers,
-        "settings": {**transfer.settings, "compress": kept_options},
-        "plan": transfer.plan,
-        "certificate": {**transfer.certificate, **compression_error(vectors, squared)},
-        "scene_hash": transfer.scene_hash,
+        "provenance": transfer.provenance.also(
+            settings={"compress": kept_options}, certificate=compression_error(vectors, squared)
+        ),
         "weights_format": options.weights_format,
         "bases_format": options.bases_format,
     }
-    if isinstance(transfer, GlossyTransfer):
-        compressed = ClusteredGlossyTransfer(**kept)
-    else:
-        compressed = ClusteredTransfer(**kept, openness=transfer.openness, bent_normals=transfer.bent_normals)
+    compressed = kind(**kept, **transfer.beside_signal)
     if (report := options.report) is not None:
         report["timings"] = {**encoded.timings, "total": time.perf_counter() - begun}
         report["counts"] = {
@@ -108,16 +101,13 @@ def compress(
     return compressed
 
 
-def _signal(transfer: Transfer | GlossyTransfer) -> torch.Tensor:
-    """What is to be compressed, [V, ...]."""
-    if isinstance(transfer, ClusteredSignal):
-        raise InputError(
-            f"transfer is already compressed, to {transfer.clusters} clusters x {transfer.components} components: "
-            "give the one that was baked, or its decode()"
-        )
-    if not isinstance(transfer, Transfer | GlossyTransfer):
-        raise InputError(f"a {type(transfer).__name__} cannot be compressed: give a Transfer or GlossyTransfer")
-    return transfer.glossy if isinstance(transfer, GlossyTransfer) else transfer.diffuse
+def clustered_kind(transfer: TransferAtReceivers) -> type[ClusteredSignal]:
+    """The type that clusters of this transfer have; raises InputError where there is none."""
+    kind = CLUSTERED.get(type(transfer))
+    if kind is None:
+        getattr(transfer, "signal", None)  # compressed transfer says what it is
+        raise InputError(f"a {type(transfer).__name__} cannot be compressed: give what bake or bake_glossy made")
+    return kind
 
 
 def compression_error(vectors: torch.Tensor, squared: torch.Tensor) -> dict:

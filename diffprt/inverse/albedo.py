@@ -15,11 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from diffprt.compression import ClusteredTransfer, GlossyAsset
+from diffprt.compression import ClusteredTransfer
 from diffprt.errors import InputError
 from diffprt.inverse.observations import Observation, Picture, observe
 from diffprt.inverse.surface_fit import SurfaceFit
-from diffprt.rendering.frozen import in_sight
 from diffprt.shading import shade
 from diffprt.transfer import Transfer, Transport
 
@@ -138,13 +137,12 @@ def _unit_radiance(transfer, observation: Observation, light: torch.Tensor, chan
     """E / pi of the receivers in sight in one color, float64 [S]: what they send for an albedo of 1."""
     seen = observation.frozen.seen
     with torch.no_grad():
-        radiance = shade(in_sight(transfer, seen), light, albedo=torch.ones(len(seen), 3))
+        radiance = shade(transfer.picked(seen), light, albedo=torch.ones(len(seen), 3))
     return radiance[:, channel].double().numpy()
 
 
 def check_albedo_options(asset, groups: torch.Tensor | None, variation: float, noise: float) -> None:
-    if isinstance(asset, GlossyAsset):
-        raise InputError("a glossy asset has its reflectance inside its transfer: recover the albedo of diffuse ones")
+    asset.check_albedo()
     for name, value in (("variation", variation), ("noise", noise)):
         if value is not None and not value > 0:
             raise InputError(f"{name} is {value}: give a positive share, such as 0.01")

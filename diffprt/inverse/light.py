@@ -14,13 +14,12 @@ from dataclasses import dataclass
 import torch
 
 from diffprt import sh
-from diffprt.compression import ClusteredTransfer, GlossyAsset
 from diffprt.compression.prior import check_prior
 from diffprt.errors import InputError
 from diffprt.inverse.observations import Observation, Picture, observe
 from diffprt.rendering import pixel_radiance
+from diffprt.representation import Representation
 from diffprt.scene import Light
-from diffprt.transfer import Transfer
 
 # Bands that move pixels by less than this share of what the strongest combination of coefficients does are lost in the
 # rounding of float32 and in the interpolation between receivers.
@@ -71,7 +70,7 @@ class LightEstimate:
 
 
 def recover_light(
-    asset: Transfer | ClusteredTransfer | GlossyAsset,
+    asset: Representation,
     references: Iterable[Picture],
     *,
     order: int | None = None,
@@ -104,7 +103,7 @@ def recover_light(
 
 
 def light_from(
-    asset: Transfer | ClusteredTransfer | GlossyAsset,
+    asset: Representation,
     observations: list[Observation],
     *,
     order: int,
@@ -158,7 +157,7 @@ def light_from(
 
 
 def design_matrix(
-    asset: Transfer | ClusteredTransfer | GlossyAsset,
+    asset: Representation,
     observation: Observation,
     order: int,
     *,
@@ -208,7 +207,7 @@ def _band_errors(designs, residuals, observations: list[Observation], inverse: t
     cell of space to the next only (cluster-robust covariance: Liang and Zeger, "Longitudinal data analysis using
     generalized linear models", Biometrika 1986).
     """
-    positions = observations[0].frozen.receivers.positions
+    positions = observations[0].frozen.elements.positions
     low, size = positions.amin(0), float((positions.amax(0) - positions.amin(0)).max()) or 1.0
     cells, scores = [], []
     for design, residual, observation in zip(designs, residuals, observations, strict=True):

@@ -11,6 +11,7 @@ import torch
 from diffprt.errors import InputError
 from diffprt.optimization.references.references import Reference
 from diffprt.rendering import FrozenView
+from diffprt.representation import ConstantBasis
 from diffprt.scene import Camera
 from diffprt.surface import Receivers
 
@@ -45,7 +46,7 @@ class Observation:
 
     def contributions(self) -> scipy.sparse.csr_array:
         """What the receivers in sight contribute to the pixels that count, float64 [M, S]."""
-        matrix = self.frozen.operator.matrix
+        matrix = self.frozen.operator(ConstantBasis()).matrix
         parts = (matrix.values().double(), matrix.col_indices(), matrix.crow_indices())
         whole = scipy.sparse.csr_array(tuple(part.numpy() for part in parts), shape=tuple(matrix.shape))
         return whole[self.rows.numpy()]

@@ -3,24 +3,32 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import singledispatch
 
 import torch
 
-from diffprt.compression import cluster_pca, rounded
+from diffprt.compression import ClusteredSignal, cluster_pca, rounded
 from diffprt.compression.clusters.blend import blend
 from diffprt.compression.clusters.components import least_squares, orthonormal
 from diffprt.compression.encode import encoded_bytes
 from diffprt.errors import InputError
 from diffprt.optimization.lattice import fine_weights, tilt
-from diffprt.optimization.metric import Metric
 from diffprt.optimization.transfer_loss import TransferLoss
+from diffprt.representation import Metric, Representation
 
 # Formats of weights and of bases, by rising size; later ones are tried when the earlier have components to spare.
 _FORMATS = (("uint8", "uint8"), ("uint8", "float16"), ("float16", "float16"), ("float32", "float32"))
 _MOST_COMPONENTS = 64
 
 
-def fit_to_bytes(asset, loss: TransferLoss, size: int):
+@singledispatch
+def fit_to_bytes(asset: Representation, loss: TransferLoss | None, size: int) -> Representation:
+    """The asset in `size` bytes; only compressed transfer can be fitted anew, all else is refused."""
+    asset.refuse("cannot be fitted to bytes", "compress it first")
+
+
+@fit_to_bytes.register
+def _fit_clusters(asset: ClusteredSignal, loss: TransferLoss | None, size: int) -> ClusteredSignal:
     """As many components as `size` bytes hold, in the formats of least error, on the clusters that `asset` has.
 
     Args:
@@ -49,6 +57,8 @@ def fit_to_bytes(asset, loss: TransferLoss, size: int):
             f"bytes is {size}, one component of {asset.clusters} clusters takes {least}: give more, or compress with "
             "fewer clusters"
         )
+    if loss is None:
+        raise InputError("bytes needs the uncompressed transfer, to which components are fitted: give target")
     metric = loss.metric
     rows = metric.scale(loss.signal).flatten(1)
     components = max(found[0] for found in candidates)
@@ -69,7 +79,14 @@ def fit_to_bytes(asset, loss: TransferLoss, size: int):
     return best
 
 
-def encoded(asset, metric: Metric):
+@singledispatch
+def encoded(asset: Representation, metric: Metric) -> Representation:
+    """The asset as it comes back from storage: unchanged, unless its numbers are stored in few bits."""
+    return asset
+
+
+@encoded.register
+def _encoded_clusters(asset: ClusteredSignal, metric: Metric) -> ClusteredSignal:
     """The asset as it comes back from storage in its formats.
 
     Without rounding, bases get orthonormal rows. Else means and bases are rounded first, and weights then chosen for

@@ -18,8 +18,8 @@ import numpy as np
 import torch
 from scipy.sparse import csr_matrix, identity
 
+from diffprt.representation import Elements
 from diffprt.scene import Camera
-from diffprt.surface import Receivers, View
 from diffprt.surface.operator import OperatorRows, StoredOperator
 
 # What receivers count that no view shows, as a share of the mean: others may show them.
@@ -37,25 +37,24 @@ class ImageNorm:
         self.operator = operator
 
     @staticmethod
-    def of(receivers: Receivers, cameras: Sequence[Camera], *, threads: int | None = None) -> ImageNorm:
-        """Rasterizes `receivers` from all cameras.
+    def of(elements: Elements, cameras: Sequence[Camera], *, threads: int | None = None) -> ImageNorm:
+        """Rasterizes `elements` from all cameras.
 
         Returns:
             the norm, scaled so that the mean of M's diagonal is 1.
 
         Raises:
-            InputError: the receivers have no triangles.
+            InputError: they cannot be drawn.
         """
-        total = csr_matrix((len(receivers), len(receivers)))
+        total = csr_matrix((len(elements), len(elements)))
         for camera in cameras:
-            view = View.of(receivers, camera, threads=threads)
-            corners = view.corners[view.mask].numpy()
-            weights = view.barycentrics[view.mask].double().numpy()
-            start = np.arange(0, corners.size + 1, 3)
-            pixels = csr_matrix((weights.ravel(), corners.ravel(), start), shape=(len(corners), len(receivers)))
+            view = elements.view(camera, threads=threads)
+            corners, weights = view.index.numpy(), view.weight.double().numpy()
+            start = np.arange(0, corners.size + 1, corners.shape[1])
+            pixels = csr_matrix((weights.ravel(), corners.ravel(), start), shape=(len(corners), len(elements)))
             total = total + pixels.T @ pixels
         mean = total.diagonal().mean() or 1.0
-        return ImageNorm.from_matrix(total / mean + _UNSEEN * identity(len(receivers), format="csr"))
+        return ImageNorm.from_matrix(total / mean + _UNSEEN * identity(len(elements), format="csr"))
 
     @staticmethod
     def from_matrix(matrix: csr_matrix) -> ImageNorm:

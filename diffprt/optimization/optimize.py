@@ -9,14 +9,12 @@ from pathlib import Path
 
 import torch
 
-from diffprt.compression.clustered.signal import ClusteredSignal
 from diffprt.compression.prior import check_prior
 from diffprt.errors import InputError
 from diffprt.optimization.formats import encoded, fit_to_bytes
 from diffprt.optimization.image_norm import ImageNorm
 from diffprt.optimization.losses import parse_loss
-from diffprt.optimization.metric import Metric
-from diffprt.optimization.parameters import Parameters, check_names, trainable
+from diffprt.optimization.parameters import Parameters, check_names
 from diffprt.optimization.references.checks import check_references
 from diffprt.optimization.references.pictures import Pictures
 from diffprt.optimization.references.reference_set import random_cameras
@@ -27,8 +25,9 @@ from diffprt.optimization.training.outcome import Outcome
 from diffprt.optimization.training.schedule import Schedule
 from diffprt.optimization.training.trainer import Run, train
 from diffprt.optimization.transfer_loss import TransferLoss
-from diffprt.options.optimize import CLUSTERED, OVERDRAW, TRANSFER
-from diffprt.transfer import GlossyTransfer, Transfer
+from diffprt.options.optimize import OVERDRAW, TRANSFER
+from diffprt.representation import Representation
+from diffprt.transfer.at_receivers import TransferAtReceivers
 
 # Views over which the transfer loss weighs receivers beside those of the references.
 _VIEWS = 32
@@ -39,10 +38,10 @@ Track = Callable[[str, int], AbstractContextManager[Callable[[], None]]]
 
 
 def optimize(
-    asset,
+    asset: Representation,
     references: References,
     *,
-    target: Transfer | GlossyTransfer | None = None,
+    target: TransferAtReceivers | None = None,
     parameters: Sequence[str] | None = None,
     loss: str | dict[str, float] | None = None,
     steps: int | None = None,
@@ -58,7 +57,7 @@ def optimize(
     resume: bool = False,
     report: dict | None = None,
     track: Track | None = None,
-):
+) -> Representation:
     """Fits an asset to reference pictures by gradient descent through the arithmetic that draws it.
 
     Args:
@@ -103,7 +102,7 @@ def optimize(
     terms = parse_loss(("image" if target is None else TRANSFER) if loss is None else loss)
     if TRANSFER in terms and target is None:
         raise InputError("loss 'transfer' needs the uncompressed transfer: give target, or leave it out of the loss")
-    names = tuple(trainable(asset) if parameters is None else parameters)
+    names = tuple(asset.trainable if parameters is None else parameters)
     check_names(asset, names)
     if OVERDRAW in terms and "labels" not in names:
         raise InputError("loss 'overdraw' is of labels, which are not trained: add labels to the parameters")
@@ -114,13 +113,13 @@ def optimize(
         raise InputError(f"checkpoint {checkpoint} exists: resume from it, or delete it")
     views = check_references(asset, references)
     pictures = Pictures(references, views, held_out=held_out, by_camera="light" in names, seed=seed)
-    prior = pictures.prior() if prior is None else check_prior(prior, asset.order**2)
-    metric, transfer_loss = Metric.of(asset, prior), None
+    prior = pictures.prior() if prior is None else check_prior(prior, len(pictures.distinct_lights[0]))
+    metric, transfer_loss = asset.metric(prior), None
     if target is not None:
-        cameras = [entry.camera for entry in references] + random_cameras(asset.receivers, _VIEWS, seed=seed)
-        transfer_loss = TransferLoss(target, ImageNorm.of(asset.receivers, cameras), prior)
+        cameras = [entry.camera for entry in references] + random_cameras(asset.elements, _VIEWS, seed=seed)
+        transfer_loss = TransferLoss(target, ImageNorm.of(asset.elements, cameras), prior)
         transfer_loss.check(asset)
-    start = _start(asset, transfer_loss, bytes)
+    start = asset if bytes is None else fit_to_bytes(asset, transfer_loss, bytes)
     if "labels" in names:
         start = relabeled(start, _needed(transfer_loss, "labels"), overdraw=terms.get(OVERDRAW, 0.0))
     with torch.no_grad():
@@ -181,7 +180,7 @@ def optimize(
         trained.restore(run.best)
         lights = trained.leaves.get("light")
         finished = trained.asset()
-        if set(leaves) & set(CLUSTERED) or start is not asset:
+        if set(leaves) & set(asset.trainable) or start is not asset:
             finished = encoded(finished, metric)
         outcome = Outcome(
             before=pictures.error(asset),
@@ -196,20 +195,10 @@ def optimize(
         report |= _report(run, outcome, settings, pictures)
         if "light" in names:
             report["lights"] = (lights if outcome.improved else pictures.distinct_lights).tolist()
-        if outcome.improved and isinstance(result, ClusteredSignal) and len(asset.receivers.faces):
-            report["counts"]["overdraw"] = result.overdraw()
+        report["counts"] |= result.counts if outcome.improved else {}
         if "exposure" in names:
             report["exposure"] = float(torch.as_tensor(trained.exposure).detach()) if outcome.improved else 1.0
     return result
-
-
-def _start(asset, loss: TransferLoss | None, size: int | None):
-    """The asset from which training starts: refitted, where it shall take `size` bytes."""
-    if size is None:
-        return asset
-    if not isinstance(asset, ClusteredSignal):
-        raise InputError(f"bytes is of compressed transfer, this is a {type(asset).__name__}: compress it first")
-    return fit_to_bytes(asset, _needed(loss, "bytes"), size)
 
 
 def _needed(loss: TransferLoss | None, name: str) -> TransferLoss:
@@ -223,7 +212,8 @@ def _labeled(asset, outcome: Outcome, settings: dict):
     """The asset with how it was made and its measured error."""
     kept = {key: value for key, value in asset.certificate.items() if not key.startswith("compression")}
     measured = {"optimized_image_relative": outcome.after, "optimized_image_relative_before": outcome.before}
-    return replace(asset, settings={**asset.settings, "optimize": settings}, certificate={**kept, **measured})
+    made = replace(asset.provenance, certificate={**kept, **measured})
+    return asset.labeled(made.also(settings={"optimize": settings}))
 
 
 def _report(run: Run, outcome: Outcome, settings: dict, pictures: Pictures) -> dict:

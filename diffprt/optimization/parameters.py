@@ -9,19 +9,88 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import singledispatch
 
 import torch
 
-from diffprt.compression import ClusteredSignal, GlossyAsset, rounded
+from diffprt.compression import ClusteredSignal, rounded
 from diffprt.errors import InputError
-from diffprt.optimization.metric import Metric
-from diffprt.options.optimize import CLUSTERED, PARAMETERS, SIGNALS
-from diffprt.transfer import Transfer
+from diffprt.options.optimize import PARAMETERS
+from diffprt.representation import Metric, Representation
 
+_SHARED = ("albedo", "exposure", "light")
 _DARKEST = 1e-3
 # An albedo of a half changes by a quarter of what its logit changes by, half of itself.
 _LOGIT = 2.0
 _LEAST_ERROR = 1e-6
+
+
+class Coordinates:
+    """The trainable tensors of an asset as leaves: each on its own, in the metric.
+
+    Args:
+        asset: where training starts.
+        metric: of the signal.
+    """
+
+    def __init__(self, asset: Representation, metric: Metric) -> None:
+        self.start, self.metric = asset, metric
+
+    def leaves(self, names: Sequence[str]) -> dict[str, tuple[torch.Tensor, float]]:
+        """Values of each, and the length of a step that changes pictures by about themselves."""
+        scaled = {name: self.metric.scale(getattr(self.start, name)) for name in names if name in self.start.trainable}
+        return {name: (values, _size(values)) for name, values in scaled.items()}
+
+    def tensors(self, leaves: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:
+        """The asset's tensors that leaves stand for, as they come back from storage; gradients reach the leaves."""
+        return {name: self.metric.unscale(leaves[name]) for name in self.start.trainable if name in leaves}
+
+
+class ClusterCoordinates(Coordinates):
+    """Means and bases in the metric, components scaled by the spread of their weights."""
+
+    start: ClusteredSignal
+
+    def __init__(self, asset: ClusteredSignal, metric: Metric) -> None:
+        super().__init__(asset, metric)
+        self._spread = _spread(asset.weights, asset.labels, asset.clusters)
+
+    def leaves(self, names: Sequence[str]) -> dict[str, tuple[torch.Tensor, float]]:
+        asset, found = self.start, {}
+        means, bases = self.metric.scale(asset.means), self.metric.scale(asset.bases)
+        components = max(1, asset.components)
+        rows = bases * _aligned(self._spread, bases)
+        entries = means[0].numel()
+        length = float(means.flatten(1)[asset.labels].square().sum(1).mean().sqrt())
+        if "means" in names:
+            found["means"] = means, length / entries**0.5
+        if "bases" in names:
+            found["bases"] = rows, length / (entries * components) ** 0.5
+        if "weights" in names:
+            spread = float(rows.flatten(1)[asset.labels].square().sum(1).mean().sqrt())
+            found["weights"] = asset.weights / self._spread[asset.labels], length / spread if spread > 0 else 0.0
+        return found
+
+    def tensors(self, leaves: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:
+        means, bases, weights = self.start.means, self.start.bases, self.start.weights
+        if "means" in leaves:
+            means = self.metric.unscale(leaves["means"])
+        if "bases" in leaves:
+            bases = self.metric.unscale(leaves["bases"] / _aligned(self._spread, bases))
+        if "weights" in leaves:
+            weights = leaves["weights"] * self._spread[self.start.labels]
+        return stored(means, bases, weights, self.start.weights_format, self.start.bases_format)
+
+
+@singledispatch
+def coordinates(asset: Representation, metric: Metric) -> Coordinates:
+    """How an asset is trained; a kind whose tensors belong together registers its own."""
+    return Coordinates(asset, metric)
+
+
+@coordinates.register
+def _(asset: ClusteredSignal, metric: Metric) -> Coordinates:
+    return ClusterCoordinates(asset, metric)
 
 
 class Parameters:
@@ -40,92 +109,56 @@ class Parameters:
     """
 
     def __init__(
-        self, asset, names: Sequence[str], metric: Metric, *, error: float = 1.0, lights: torch.Tensor
+        self, asset: Representation, names: Sequence[str], metric: Metric, *, error: float = 1.0, lights: torch.Tensor
     ) -> None:
         self.start = asset
-        self.metric = metric
         self.leaves: dict[str, torch.Tensor] = {}
         self.rates: dict[str, float] = {}
+        self._coordinates = coordinates(asset, metric)
         error = max(error, _LEAST_ERROR)
-        for name in names:
-            if name in ("diffuse", "glossy"):
-                signal = metric.scale(getattr(asset, name))
-                self._add(name, signal, error * _size(signal))
-            elif name == "albedo":
-                logit = asset.receivers.albedo.clamp(_DARKEST, 1 - _DARKEST).logit()
-                self._add(name, logit, error * _LOGIT)
+        own = self._coordinates.leaves(names)
+        for name in [name for name in names if name in _SHARED] + [name for name in own]:
+            if name == "albedo":
+                values, rate = asset.elements.albedo.clamp(_DARKEST, 1 - _DARKEST).logit(), _LOGIT
             elif name == "exposure":
-                self._add(name, torch.zeros(()), error)
+                values, rate = torch.zeros(()), 1.0
             elif name == "light":
-                self._add(name, lights, error * _size(lights))
-        if isinstance(asset, ClusteredSignal):
-            self._add_clusters(names, error)
+                values, rate = lights, _size(lights)
+            else:
+                values, rate = own[name]
+            self.leaves[name] = values.detach().clone().requires_grad_(True)
+            self.rates[name] = error * rate
 
-    def _add_clusters(self, names: Sequence[str], error: float) -> None:
-        asset = self.start
-        means, bases = self.metric.scale(asset.means), self.metric.scale(asset.bases)
-        self._spread = _spread(asset.weights, asset.labels, asset.clusters)
-        components = max(1, asset.components)
-        rows = bases * _aligned(self._spread, bases)
-        entries = means[0].numel()
-        length = error * float(means.flatten(1)[asset.labels].square().sum(1).mean().sqrt())
-        if "means" in names:
-            self._add("means", means, length / entries**0.5)
-        if "bases" in names:
-            self._add("bases", rows, length / (entries * components) ** 0.5)
-        if "weights" in names:
-            spread = float(rows.flatten(1)[asset.labels].square().sum(1).mean().sqrt())
-            self._add("weights", asset.weights / self._spread[asset.labels], length / spread if spread > 0 else 0.0)
-
-    def _add(self, name: str, values: torch.Tensor, rate: float) -> None:
-        self.leaves[name] = values.detach().clone().requires_grad_(True)
-        self.rates[name] = rate
-
-    def asset(self):
+    def asset(self) -> Representation:
         """The asset as it is now, bases in the format that they are stored in; gradients reach the leaves."""
-        asset, leaves = self.start, self.leaves
-        found = {name: self.metric.unscale(leaves[name]) for name in ("diffuse", "glossy") if name in leaves}
-        if isinstance(asset, ClusteredSignal):
-            means, bases, weights = asset.means, asset.bases, asset.weights
-            if "means" in leaves:
-                means = self.metric.unscale(leaves["means"])
-            if "bases" in leaves:
-                bases = self.metric.unscale(leaves["bases"] / _aligned(self._spread, bases))
-            if "weights" in leaves:
-                weights = leaves["weights"] * self._spread[asset.labels]
-            found |= stored(means, bases, weights, asset.weights_format, asset.bases_format)
-        receivers = asset.receivers
-        if "albedo" in leaves:
-            receivers = replace(receivers, albedo=leaves["albedo"].sigmoid())
-        return replace(asset, receivers=receivers, **found)
+        found = replace(self.start, **self._coordinates.tensors(self.leaves))
+        if "albedo" not in self.leaves:
+            return found
+        return found.with_elements(replace(found.elements, albedo=self.leaves["albedo"].sigmoid()))
 
     @property
     def exposure(self) -> torch.Tensor | float:
         """Factor on the asset's radiance."""
         return self.leaves["exposure"].exp() if "exposure" in self.leaves else 1.0
 
-    def state(self) -> dict[str, torch.Tensor]:
-        """A copy of the leaves' values."""
-        return {name: leaf.detach().clone() for name, leaf in self.leaves.items()}
-
     def restore(self, state: dict[str, torch.Tensor]) -> None:
-        """Sets the leaves to what `state` returned."""
+        """Sets the leaves to the values of `state`."""
         with torch.no_grad():
             for name, leaf in self.leaves.items():
                 leaf.copy_(state[name])
 
 
-def check_names(asset, names: Sequence[str]) -> None:
+def check_names(asset: Representation, names: Sequence[str]) -> None:
     """Raises InputError unless `names` are of parameters that the asset has."""
-    unknown = [name for name in names if name not in PARAMETERS]
+    has = (*asset.trainable, *(name for name in ("labels",) if name in asset.spec), *_SHARED)
+    unknown = [name for name in names if name not in (*PARAMETERS, *has)]
     if unknown or not names:
         raise InputError(f"parameters are {', '.join(names) or 'none'}: use some of {', '.join(PARAMETERS)}")
-    missing = [name for name in names if name in (*SIGNALS, "labels") and not hasattr(asset, name)]
+    missing = [name for name in names if name not in has]
     if missing:
-        has = [name for name in PARAMETERS if hasattr(asset, name)] + ["exposure", "light"]
-        raise InputError(f"a {type(asset).__name__} has no {', '.join(missing)}: use some of {', '.join(has)}")
-    if "albedo" in names and isinstance(asset, GlossyAsset):
-        raise InputError("a glossy asset has its reflectance inside: leave albedo out of the parameters")
+        asset.refuse(f"has no {', '.join(missing)}", f"use some of {', '.join(has)}")
+    if "albedo" in names:
+        asset.check_albedo()
 
 
 def stored(
@@ -141,13 +174,6 @@ def stored(
     if weights_format == "float16":
         weights = rounded(weights, weights_format)
     return {"means": means, "bases": bases, "weights": weights}
-
-
-def trainable(asset) -> tuple[str, ...]:
-    """The signal's parameters of an asset: what is trained without further notice."""
-    if isinstance(asset, Transfer):
-        return ("diffuse",)
-    return CLUSTERED if isinstance(asset, ClusteredSignal) else ("glossy",)
 
 
 def _spread(weights: torch.Tensor, labels: torch.Tensor, clusters: int) -> torch.Tensor:

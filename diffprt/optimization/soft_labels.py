@@ -8,8 +8,8 @@ import torch
 
 from diffprt.compression import Subspaces, cluster_pca, expected_error, expected_overdraw
 from diffprt.compression.clusters.partition import canonical
-from diffprt.optimization.metric import Metric
 from diffprt.optimization.transfer_loss import TransferLoss
+from diffprt.representation.metric import Metric
 
 # Temperature of the softmax from start to end, in mean squared errors.
 _WARMEST, _COLDEST = 1.0, 0.02

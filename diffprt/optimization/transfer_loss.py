@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
+from functools import singledispatch
+
 import torch
 
 from diffprt.compression import ClusteredSignal
 from diffprt.compression.clusters.blend import blend
 from diffprt.errors import InputError
 from diffprt.optimization.image_norm import ImageNorm
-from diffprt.optimization.metric import Metric
-from diffprt.transfer import GlossyTransfer, Transfer
+from diffprt.representation import Representation
+from diffprt.representation.metric import Metric
+from diffprt.transfer.at_receivers import TransferAtReceivers
 
 
-def signal_of(asset: Transfer | GlossyTransfer) -> torch.Tensor:
-    """The signal [V, C, ..., K] of uncompressed transfer.
+@singledispatch
+def scaled_rows(asset: Representation, metric: Metric) -> torch.Tensor:
+    """The signal of an asset in a metric, [V, ...]; gradients reach it."""
+    return metric.scale(asset.signal)
 
-    Raises:
-        InputError: it is compressed.
-    """
-    if not isinstance(asset, Transfer | GlossyTransfer):
-        raise InputError("the target is compressed: give the uncompressed transfer that 'diffprt bake' made")
-    return asset.glossy if isinstance(asset, GlossyTransfer) else asset.diffuse
+
+@scaled_rows.register
+def _(asset: ClusteredSignal, metric: Metric) -> torch.Tensor:
+    return blend(asset.labels, asset.weights, metric.scale(asset.means), metric.scale(asset.bases))
 
 
 class TransferLoss:
@@ -38,48 +41,31 @@ class TransferLoss:
         energy: of its pictures.
     """
 
-    def __init__(self, target: Transfer | GlossyTransfer, norm: ImageNorm, prior: torch.Tensor) -> None:
-        signal = signal_of(target).detach()
+    def __init__(self, target: TransferAtReceivers, norm: ImageNorm, prior: torch.Tensor) -> None:
+        signal = target.signal.detach()
         self.norm, self.shape, self.signal = norm, signal.shape, signal
-        self.metric, self.reflectance = Metric.of(target, prior), _reflectance(target).to(signal.dtype)
-        self.target = self._compared(signal)
+        self.metric, self.reflectance = target.metric(prior), target.picture_weights.to(signal.dtype)
+        self.target = self._compared(self.metric.scale(signal))
         self.energy = float(norm.squared(self.target))
         if not self.energy > 0:
             raise InputError("the target is black wherever it is seen: bake it again")
 
     def check(self, asset) -> None:
         """Raises InputError unless `asset` has the target's receivers and coefficients."""
-        means = getattr(asset, "means", None)
-        shape = tuple(signal_of(asset).shape[1:]) if means is None else tuple(means.shape[1:])
-        if (len(asset.receivers), *shape) != tuple(self.shape):
+        shape = (len(asset.elements), *asset.signal_shape)
+        if shape != tuple(self.shape):
             raise InputError(
-                f"the target's signal is {list(self.shape)}, the asset's {[len(asset.receivers), *shape]}: give the "
+                f"the target's signal is {list(self.shape)}, the asset's {list(shape)}: give the "
                 "transfer that the asset was compressed from"
             )
 
     def scaled(self, asset) -> torch.Tensor:
         """The asset's rows [V, D] in the target's scale."""
-        if not isinstance(asset, ClusteredSignal):
-            return self._compared(signal_of(asset))
-        means, bases = self.metric.scale(asset.means), self.metric.scale(asset.bases)
-        return (self.reflectance * blend(asset.labels, asset.weights, means, bases)).flatten(1)
+        return self._compared(scaled_rows(asset, self.metric))
 
-    def _compared(self, signal: torch.Tensor) -> torch.Tensor:
-        return (self.metric.scale(signal) * self.reflectance).flatten(1)
+    def _compared(self, scaled: torch.Tensor) -> torch.Tensor:
+        return (self.reflectance * scaled).flatten(1)
 
     def __call__(self, asset) -> torch.Tensor:
         """A scalar, the square of the relative RMSE to expect; gradients reach the asset's signal."""
         return self.norm.squared(self.scaled(asset) - self.target) / self.energy
-
-
-def _reflectance(target: Transfer | GlossyTransfer) -> torch.Tensor:
-    """What each row's error is multiplied by in pictures: [V, C, 1] for diffuse transfer, 1 for glossy.
-
-    One channel serves three colors, whose squared errors add up.
-    """
-    if isinstance(target, GlossyTransfer):
-        return torch.ones(())
-    albedo = target.receivers.albedo.detach()
-    if target.channels == 1:
-        albedo = albedo.square().mean(1, keepdim=True).sqrt()
-    return albedo[..., None]

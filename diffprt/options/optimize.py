@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-CLUSTERED = ("means", "bases", "weights")
-SIGNALS = ("diffuse", "glossy", *CLUSTERED)
-PARAMETERS = (*SIGNALS, "labels", "albedo", "exposure", "light")
+PARAMETERS = ("diffuse", "glossy", "means", "bases", "weights", "labels", "albedo", "exposure", "light")
 TRANSFER, OVERDRAW = "transfer", "overdraw"
 LOSSES = ("image", "log", "display", "psnr", "ssim", "total-variation", TRANSFER, OVERDRAW)

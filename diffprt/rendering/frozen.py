@@ -1,10 +1,10 @@
-"""A view that is rasterized once and kept: pixels as a constant sparse product of what receivers send.
+"""A view that is rasterized once and kept: pixels as a constant sparse product of what elements send.
 
-An optimizer draws the same views again and again. Which triangle a pixel sees, with which weights and from which
-direction does not depend on signal, light or material, so it is found once. Pixels are P x, with x [S, ...] what the S
-receivers in sight send: their radiance, or its coefficients by mirrored direction (`diffprt.shading.mirrored`) where
-they are glossy. The gradient is Pᵀ g. Receivers out of sight are never shaded. Silhouettes are frozen: no gradient
-reaches the camera or the positions.
+An optimizer draws the same views again and again. Which elements a pixel sees, with which weights and from which
+direction does not depend on signal, light or material, so it is found once. Pixels are P x, with x [S B, 3] the
+coefficients of the S elements in sight and P [N, S B] the mean over a pixel's samples of weight times basis. The
+gradient is Pᵀ g. Elements out of sight are never shaded. Silhouettes are frozen: no gradient reaches the camera or the
+positions.
 """
 
 from __future__ import annotations
@@ -16,36 +16,31 @@ import numpy as np
 import scipy.sparse
 import torch
 
-from diffprt import sh
-from diffprt.compression import ClusteredTransfer, GlossyAsset
 from diffprt.errors import InputError
-from diffprt.scene import Light
+from diffprt.representation.elements import Elements
+from diffprt.representation.interface import Representation
+from diffprt.representation.lighting import LightingLike
+from diffprt.representation.lit import Basis, ConstantBasis, Lit
+from diffprt.representation.view import View
 from diffprt.scene.camera import Camera
-from diffprt.shading import mirrored_basis, mirrored_radiance, shade
-from diffprt.surface import Receivers
 from diffprt.surface.operator import OperatorRows, StoredOperator
-from diffprt.surface.view import View
-from diffprt.transfer import Transfer
-
-# What assets hold for each receiver; means and bases are shared by all.
-_PER_RECEIVER = ("diffuse", "glossy", "labels", "weights", "openness", "bent_normals")
 
 
 @dataclass(frozen=True)
 class FrozenView:
-    """What a camera sees of some receivers, ready to be drawn many times.
+    """What a camera sees of some elements, ready to be drawn many times.
 
     Attributes:
-        receivers: all of them, V; positions, normals and triangles count, their albedo does not.
+        elements: all of them, E; where they are counts, their albedo does not.
         camera: where from.
         view: its samples, [H s, W s] with s = `samples`.
         samples: samples a side of each pixel, which is their mean over black.
-        coverage: float32 [H, W], share of each pixel's samples that see a triangle.
+        coverage: float32 [H, W], share of each pixel's samples that see an element.
         mask: bool [H, W], whether it is above 0. N pixels, counted row by row.
-        seen: int64 [S], ascending, the receivers at the corners of visible triangles.
+        seen: int64 [S], ascending, the elements in sight.
     """
 
-    receivers: Receivers
+    elements: Elements
     camera: Camera
     view: View
     samples: int
@@ -54,27 +49,30 @@ class FrozenView:
     seen: torch.Tensor
 
     @staticmethod
-    def of(receivers: Receivers, camera: Camera, *, samples: int = 1, threads: int | None = None) -> FrozenView:
-        """Rasterizes; raises InputError when the receivers have no triangles, or none that the camera sees."""
+    def of(elements: Elements, camera: Camera, *, samples: int = 1, threads: int | None = None) -> FrozenView:
+        """Rasterizes; raises InputError when the elements cannot be drawn, or the camera sees none."""
         if not 1 <= samples <= 16:
             raise InputError(f"samples is {samples}: give 1 to 16 a side")
         fine = replace(camera, width=camera.width * samples, height=camera.height * samples)
-        view = View.of(receivers, fine, threads=threads)
+        view = elements.view(fine, threads=threads)
         if not bool(view.mask.any()):
-            raise InputError(f"the camera at {camera.eye} sees none of {len(receivers)} receivers: aim it at the asset")
+            raise InputError(f"the camera at {camera.eye} sees none of {len(elements)} receivers: aim it at the asset")
         coverage = view.mask.reshape(camera.height, samples, camera.width, samples).float().mean(dim=(1, 3))
-        seen = view.corners[view.mask].unique()
-        return FrozenView(receivers, camera, view, samples, coverage, coverage > 0, seen)
+        return FrozenView(elements, camera, view, samples, coverage, coverage > 0, view.index.unique())
+
+    def to(self, device: torch.device | str) -> FrozenView:
+        """On another device, where the elements' assets are; its operators are made again."""
+        moved = {name: getattr(self, name).to(device) for name in ("elements", "view", "coverage", "mask", "seen")}
+        return replace(self, **moved)
+
+    def radiance(self, lit: Lit) -> torch.Tensor:
+        """Radiance [N, 3] of the pixels, from the lit elements in sight; gradients reach its coefficients."""
+        rows = self._checked(lit.coefficients).transpose(1, 2)
+        return self.operator(lit.basis).gather(rows.reshape(-1, rows.shape[2]))
 
     def pixels(self, values: torch.Tensor) -> torch.Tensor:
-        """[N, C] from `values` [S, C] of the receivers in sight, interpolated and averaged; gradients reach them."""
-        return self.operator.gather(self._checked(values))
-
-    def mirrored_pixels(self, coefficients: torch.Tensor) -> torch.Tensor:
-        """Radiance [N, 3] from `coefficients` [S, 3, K_out] of `mirrored_radiance`, of the receivers in sight;
-        gradients reach them."""
-        operator = self.mirrored_operator(sh.order_of_count(self._checked(coefficients).shape[-1]))
-        return operator.gather(coefficients.transpose(1, 2).reshape(-1, coefficients.shape[1]))
+        """[N, C] from `values` [S, C] of the elements in sight, interpolated and averaged; gradients reach them."""
+        return self.operator(ConstantBasis()).gather(self._checked(values))
 
     def framed(self, pixels: torch.Tensor) -> torch.Tensor:
         """The picture [H, W, C] of `pixels` [N, C], 0 elsewhere; gradients reach them."""
@@ -82,7 +80,7 @@ class FrozenView:
         return empty.index_copy(0, self.index, pixels).unflatten(0, self.mask.shape)
 
     def image(self, values: torch.Tensor) -> torch.Tensor:
-        """The picture [H, W, C] of `values` [S, C] of the receivers in sight; gradients reach them."""
+        """The picture [H, W, C] of `values` [S, C] of the elements in sight; gradients reach them."""
         return self.framed(self.pixels(values))
 
     @cached_property
@@ -90,36 +88,25 @@ class FrozenView:
         """Where the pixels of the mask are, int64 [N], counted row by row."""
         return self.mask.flatten().nonzero()[:, 0]
 
-    @cached_property
-    def operator(self) -> StoredOperator:
-        """P [N, S], barycentric weights."""
-        return self._operator(self._corner_weights[..., None])
+    def operator(self, basis: Basis) -> StoredOperator:
+        """P [N, S B] for a basis; kept for the next time."""
+        kept = self.__dict__.setdefault("_operators", {})
+        if basis not in kept:
+            kept[basis] = self._operator(basis)
+        return kept[basis]
 
-    def mirrored_operator(self, order: int) -> StoredOperator:
-        """P [N, S K_out], weights times SH of `order` at each sample's mirrored direction; kept for the next time."""
-        kept = self.__dict__.setdefault("_mirrored", {})
-        if order not in kept:
-            corners, weights = self.view.corners[self.view.mask], self._corner_weights[..., None]
-            surfaces = (self.receivers.positions, self.receivers.normals)
-            point, normal = ((weights * values.double()[corners]).sum(1) for values in surfaces)
-            basis = mirrored_basis(point, normal, torch.tensor(self.camera.eye, dtype=torch.float64), order)
-            kept[order] = self._operator(weights * basis[:, None, :])
-        return kept[order]
-
-    @cached_property
-    def _corner_weights(self) -> torch.Tensor:
-        """Barycentric weights of the samples in sight, float64 [samples, 3]."""
-        return self.view.barycentrics[self.view.mask].double()
-
-    def _operator(self, weights: torch.Tensor) -> StoredOperator:
-        """Mean over each pixel's samples of `weights` [samples in sight, 3 corners, columns of a receiver]."""
+    def _operator(self, basis: Basis) -> StoredOperator:
+        """Mean over each pixel's samples of weights times what the basis has there."""
+        index = torch.searchsorted(self.seen, self.view.index)
+        eye = torch.tensor(self.camera.eye, dtype=torch.float64)
+        values = basis.at(self.view.samples(index=index), eye)
+        weights = self.view.weight.double()[..., None] * (values[:, None] if values.dim() == 2 else values)
         pixel = (self.mask.flatten().cumsum(0) - 1).reshape(self.mask.shape)
         for axis in (0, 1):
             pixel = pixel.repeat_interleave(self.samples, axis)
-        width = weights.shape[2]
-        columns = torch.searchsorted(self.seen, self.view.corners[self.view.mask])[..., None] * width
-        columns = (columns + torch.arange(width)).flatten()
-        rows = pixel[self.view.mask].repeat_interleave(3 * width)
+        each, width = weights.shape[1:]
+        columns = (index[..., None] * width + torch.arange(width)).flatten()
+        rows = pixel[self.view.mask].repeat_interleave(each * width)
         shape = (int(self.mask.sum()), len(self.seen) * width)
         values = (weights / self.samples**2).flatten()
         matrix = scipy.sparse.csr_array((values.numpy(), (rows.numpy(), columns.numpy())), shape=shape)
@@ -131,57 +118,38 @@ class FrozenView:
 
     def _checked(self, values: torch.Tensor) -> torch.Tensor:
         if len(values) != len(self.seen):
-            raise InputError(f"values are of {len(values)} receivers, {len(self.seen)} are in sight: give values[seen]")
+            raise InputError(f"values are of {len(values)} elements, {len(self.seen)} are in sight: give values[seen]")
         return values
 
 
 def pixel_radiance(
-    asset: Transfer | ClusteredTransfer | GlossyAsset,
-    light: Light | torch.Tensor,
-    frozen: FrozenView,
-    *,
-    albedo: torch.Tensor | None = None,
+    asset: Representation, light: LightingLike, frozen: FrozenView, *, albedo: torch.Tensor | None = None
 ) -> torch.Tensor:
     """Linear radiance of the masked pixels of `frozen`, [N, 3]; see `picture`."""
-    if len(asset.receivers) != len(frozen.receivers):
+    if len(asset.elements) != len(frozen.elements):
         raise InputError(
-            f"asset has {len(asset.receivers)} receivers, the view was frozen with {len(frozen.receivers)}: "
-            "freeze it again with FrozenView.of(asset.receivers, camera)"
+            f"asset has {len(asset.elements)} elements, the view was frozen with {len(frozen.elements)}: "
+            "freeze it again with FrozenView.of(asset.elements, camera)"
         )
-    part = in_sight(asset, frozen.seen)
-    if not isinstance(asset, GlossyAsset):
-        albedo = part.receivers.albedo if albedo is None else albedo[frozen.seen]
-        return frozen.pixels(shade(part, light, albedo=albedo))
-    if albedo is not None:
-        raise InputError("a glossy asset has its reflectance inside: leave albedo out, or bake with another brdf")
-    return frozen.mirrored_pixels(mirrored_radiance(part, light))
+    part = asset.picked(frozen.seen)
+    return frozen.radiance(part.lit(light, albedo=None if albedo is None else albedo[frozen.seen]))
 
 
 def picture(
-    asset: Transfer | ClusteredTransfer | GlossyAsset,
-    light: Light | torch.Tensor,
-    frozen: FrozenView,
-    *,
-    albedo: torch.Tensor | None = None,
+    asset: Representation, light: LightingLike, frozen: FrozenView, *, albedo: torch.Tensor | None = None
 ) -> torch.Tensor:
     """A picture of the asset from a frozen view, as `render` draws it over black.
 
     Args:
-        asset: diffuse or glossy transfer, plain or clustered, at the receivers of `frozen`.
-        light: a `Light` or its coefficients [K, 3], of the asset's order.
-        albedo: [V, 3], of diffuse assets only; without it, the receivers' own.
+        asset: any representation, at the elements of `frozen`.
+        light: as for `render`.
+        albedo: [E, 3], of assets that leave it out of their signal; without it, the elements' own.
 
     Returns:
-        [H, W, 3] linear radiance [W/m²/sr]. Gradients reach transfer or means, bases and weights, light and albedo;
-        receivers out of sight get 0.
+        [H, W, 3] linear radiance [W/m²/sr]. Gradients reach the asset's signal, light and albedo; elements out of
+        sight get 0.
 
     Raises:
-        InputError: another number of receivers, a light of another order, a glossy asset with albedo.
+        InputError: another number of elements, a light of another order or kind, a glossy asset with albedo.
     """
     return frozen.framed(pixel_radiance(asset, light, frozen, albedo=albedo))
-
-
-def in_sight(asset: Transfer | ClusteredTransfer | GlossyAsset, seen: torch.Tensor):
-    """The asset at the receivers `seen`, int64 [S], alone, without triangles; gradients pass through."""
-    rows = {name: getattr(asset, name)[seen] for name in _PER_RECEIVER if getattr(asset, name, None) is not None}
-    return replace(asset, receivers=asset.receivers.picked(seen), **rows)

@@ -6,21 +6,22 @@ from dataclasses import replace
 
 import torch
 
-from diffprt.compression import ClusteredTransfer, GlossyAsset
 from diffprt.errors import InputError
-from diffprt.rendering.glossy import glossy_radiance
-from diffprt.scene import Light
+from diffprt.representation.interface import Representation
+from diffprt.representation.lighting import Lighting, LightingLike
+from diffprt.representation.lit import Lit
+from diffprt.representation.view import View
 from diffprt.scene.camera import Camera
-from diffprt.shading import shade
-from diffprt.surface.view import View
-from diffprt.transfer import Transfer
+from diffprt.scene.light import Light
 
 _MID_GREY = 0.2
+# Samples whose coefficients are held at a time.
+_SAMPLES_AT_ONCE = 1 << 14
 
 
 def render(
-    asset: Transfer | ClusteredTransfer | GlossyAsset,
-    light: Light,
+    asset: Representation,
+    light: LightingLike,
     camera: Camera | None = None,
     *,
     background: tuple[float, float, float] | str | None = None,
@@ -30,11 +31,12 @@ def render(
     """A picture in linear radiance; `tone_map` makes display values of it.
 
     Args:
-        asset: what to draw. Diffuse radiance is found per receiver and interpolated linearly over triangles; glossy
-            radiance per pixel, see `glossy_radiance`.
-        light: distant light of the asset's order.
+        asset: what to draw. Coefficients of its elements are weighted as each sample sees them (interpolated linearly
+            over triangles, say), and read in its basis: diffuse radiance as it is, glossy radiance with the pixel's own
+            normal and view, by mirrored direction.
+        light: distant light of the asset's order, or what its kind answers to.
         camera: without it, one that frames the asset.
-        background: linear RGB behind the asset, "light" for the light itself, None for black.
+        background: linear RGB behind the asset, "light" for the distant light itself, None for black.
         samples: pixels are the mean of samples x samples.
 
     Returns:
@@ -42,23 +44,36 @@ def render(
         the silhouettes: visibility is frozen.
 
     Raises:
-        InputError: the light has another order, or the asset has no triangles.
+        InputError: light of another order or kind, or an asset that cannot be drawn, such as one without triangles.
     """
-    camera = camera or Camera.framing(asset.receivers.positions)
+    camera = camera or Camera.framing(asset.elements.positions)
     if not 1 <= samples <= 16:
         raise InputError(f"samples is {samples}: give 1 to 16 a side")
     fine = replace(camera, width=camera.width * samples, height=camera.height * samples)
-    view = View.of(asset.receivers, fine, threads=threads)
-    if isinstance(asset, GlossyAsset):
-        image = glossy_radiance(asset, light, fine, view)
-    else:
-        image = view.interpolate(shade(asset, light))
+    view = asset.elements.view(fine, threads=threads)
+    image = view.framed(radiance_in_view(asset.lit(light), view, fine))
     if background is not None:
-        behind = light.radiance(pixel_rays(fine)) if background == "light" else torch.tensor(background)
-        image = torch.where(view.mask[..., None], image, behind.to(image.dtype))
+        behind = _distant(light).radiance(pixel_rays(fine)) if background == "light" else torch.tensor(background)
+        image = torch.where(view.mask[..., None], image, behind.to(image))
     if samples > 1:
         image = image.reshape(camera.height, samples, camera.width, samples, 3).mean(dim=(1, 3))
     return image
+
+
+def radiance_in_view(lit: Lit, view: View, camera: Camera) -> torch.Tensor:
+    """Radiance [N, 3] of the samples of `view` towards the camera; gradients reach the coefficients."""
+    eye = torch.tensor(camera.eye, dtype=torch.float64)
+    rows = range(0, len(view.index), _SAMPLES_AT_ONCE)
+    parts = [lit.towards(view.samples(slice(first, first + _SAMPLES_AT_ONCE)), eye) for first in rows]
+    return torch.cat([lit.coefficients.new_zeros(0, 3), *parts])
+
+
+def _distant(light: LightingLike) -> Light:
+    """The distant part of a lighting; raises InputError where there is none to be seen."""
+    distant = Lighting.of(light).distant
+    if distant is None:
+        raise InputError("background is 'light' and there is no distant light: give a color")
+    return distant if isinstance(distant, Light) else Light(distant)
 
 
 def pixel_rays(camera: Camera) -> torch.Tensor:

@@ -37,6 +37,10 @@ class Light:
         """The light turned by `rotation` [3, 3]: L'(d) = L(Rᵀ d). Gradients reach both."""
         return Light(sh.rotate(self.coefficients, rotation), self.report)
 
+    def to(self, target: torch.device | torch.dtype | str) -> Light:
+        """The light on another device, or in another floating dtype."""
+        return Light(self.coefficients.to(target), self.report)
+
     def radiance(self, directions: torch.Tensor) -> torch.Tensor:
         """Band-limited radiance [..., 3] towards unit `directions` [..., 3]."""
         return sh.evaluate(self.coefficients, directions)

@@ -1,9 +1,9 @@
 from .operator import BounceOperator as BounceOperator
 from .operator import OperatorRows as OperatorRows
 from .operator import StoredOperator as StoredOperator
+from .raster import triangles_in_view as triangles_in_view
 from .receivers import Receivers as Receivers
 from .sampling import Pattern as Pattern
 from .sampling import hemisphere_directions as hemisphere_directions
 from .sides import Sides as Sides
 from .surfaces import Surfaces as Surfaces
-from .view import View as View

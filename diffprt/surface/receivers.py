@@ -4,18 +4,24 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 import torch
 
 from diffprt.errors import InputError
+from diffprt.representation.elements import Elements
+from diffprt.representation.spec import Spec, TensorSpec
+from diffprt.representation.view import View
+from diffprt.scene.camera import Camera
+from diffprt.surface.raster import triangles_in_view
 
 _SCRAMBLE_CELLS = 1 << 20
 _CURVE_BITS = 16
 
 
 @dataclass(frozen=True)
-class Receivers:
+class Receivers(Elements):
     """Points with a normal and an albedo, and the triangles (if any) that connect them for display.
 
     Attributes:
@@ -26,6 +32,13 @@ class Receivers:
         transmission: float32 [V] in [0, 1] where some surfaces are translucent (`Material.transmission`), else None.
             It plays its part in tracing and is not saved in assets.
     """
+
+    spec: ClassVar[Spec] = {
+        "positions": TensorSpec(("V", 3), ("float32",), per_element=True),
+        "normals": TensorSpec(("V", 3), ("float32",), per_element=True),
+        "albedo": TensorSpec(("V", 3), ("float32",), per_element=True),
+        "faces": TensorSpec(("F", 3), ("int32",)),
+    }
 
     positions: torch.Tensor
     normals: torch.Tensor
@@ -69,6 +82,15 @@ class Receivers:
         if transmission is not None:
             transmission = torch.as_tensor(transmission, dtype=torch.float32).expand(len(positions)).contiguous()
         return Receivers(positions, normals, albedo, torch.zeros((0, 3), dtype=torch.int64), transmission)
+
+    @classmethod
+    def restored(cls, tensors: dict[str, torch.Tensor]) -> Receivers:
+        return cls(**{**tensors, "faces": tensors["faces"].to(torch.int64)})
+
+    def view(self, camera: Camera, *, threads: int | None = None) -> View:
+        """The corners of the triangle at each pixel center, with perspective-correct weights."""
+        seen = triangles_in_view(self.positions, self.faces, camera, threads=threads)
+        return View(self.positions, self.normals, *seen)
 
     @property
     def sides(self) -> int:

@@ -19,6 +19,5 @@ from .diffuse.convergence import Convergence as Convergence
 from .diffuse.convergence import converge as converge
 from .diffuse.interreflection import interreflect as interreflect
 from .diffuse.signal import Transfer as Transfer
-from .diffuse.signal import check_openness as check_openness
 from .diffuse.transport import Transport as Transport
 from .glossy.signal import GlossyTransfer as GlossyTransfer

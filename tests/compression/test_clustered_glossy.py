@@ -13,7 +13,6 @@ from diffprt.compression import (
     super_clusters,
 )
 from diffprt.errors import InputError
-from diffprt.shading import exit_radiance
 from diffprt.surface import Receivers
 from diffprt.transfer import GlossyTransfer, bake_glossy
 
@@ -141,7 +140,7 @@ def test_prior_weighs_what_lights_show(baked, generator):
         for k in range(9):
             light = torch.zeros(9, 3)
             light[k] = prior[k].sqrt()
-            total += float((exit_radiance(asset, light) - exit_radiance(baked, light))[:, 0].square().sum(1).mean())
+            total += float((asset.exit_radiance(light) - baked.exit_radiance(light))[:, 0].square().sum(1).mean())
         return total
 
     assert shown(weighed) == pytest.approx(report["errors"]["compression_squared_error_weighted"], rel=1e-3)

@@ -17,6 +17,7 @@ import torch
 from diffprt import sh
 from diffprt.brdf import ModifiedPhong
 from diffprt.compression import ClusteredGlossyTransfer, ClusteredTransfer, compress
+from diffprt.representation import Provenance
 from diffprt.scene import Light, Scene
 from diffprt.surface import Receivers
 from diffprt.transfer import GlossyTransfer, Transfer, bake_glossy
@@ -87,11 +88,13 @@ def cluster(transfer: Transfer, clusters: int, components: int) -> ClusteredTran
         bases.unflatten(2, shape),
         weights,
         transfer.receivers,
-        certificate={
-            "image": {"rmse": 0.0123, "worst": 3},
-            "note": "a </script> & a NaN",
-            "nan": math.nan,
-        },
+        Provenance(
+            certificate={
+                "image": {"rmse": 0.0123, "worst": 3},
+                "note": "a </script> & a NaN",
+                "nan": math.nan,
+            }
+        ),
     )
 
 

@@ -13,8 +13,7 @@ from diffprt.exporters import pack
 from diffprt.exporters.shaders import shader_source
 from diffprt.rendering import auto_exposure, render
 from diffprt.scene import Camera
-from diffprt.shading import exit_radiance, tone_map
-from diffprt.surface.view import View
+from diffprt.shading import tone_map
 
 CAMERA = Camera((2.1, 1.3, -3.4), (0.1, -0.05, 0.0), fov=38.0, width=200, height=160)
 EXACT = 1 / 255
@@ -77,7 +76,7 @@ def shared_uniforms(asset, exposure: float) -> dict:
 
 
 def compare(asset, light, drawn) -> None:
-    view = View.of(asset.receivers, CAMERA)
+    view = asset.receivers.view(CAMERA)
     radiance = render(asset, light, CAMERA)
     exposure = auto_exposure(radiance, view.mask)
     picture, mask = drawn(shared_uniforms(asset, exposure))
@@ -118,7 +117,7 @@ def test_clustered_diffuse(context, clustered, synthetic) -> None:
 def test_glossy(context, glossy_assets, synthetic) -> None:
     asset = glossy_assets[0]
     light = synthetic.random_light(asset.order, 3)
-    exit = exit_radiance(asset, light).transpose(1, 2).reshape(-1, 3).numpy()
+    exit = asset.exit_radiance(light).transpose(1, 2).reshape(-1, 3).numpy()
     receivers = asset.receivers
     faces = receivers.faces.numpy()
 

@@ -15,7 +15,6 @@ from diffprt.exporters import export
 from diffprt.rendering import auto_exposure, render
 from diffprt.scene import Camera, Light
 from diffprt.shading import tone_map
-from diffprt.surface.view import View
 from diffprt.transfer import bake_glossy
 
 # At export the page knew only the built-in light and its own framing camera.
@@ -98,7 +97,7 @@ def test_page_draws_what_torch_renders(name, curve, registers, assets, synthetic
     # Plain transfer has one shader and no cluster to mistake: one view of it does.
     for seed, camera in enumerate(UNSEEN_VIEWS if "clustered" in name else UNSEEN_VIEWS[:1], 11):
         light = synthetic.random_light(asset.order, seed)
-        view = View.of(asset.receivers, camera)
+        view = asset.receivers.view(camera)
         radiance = render(asset, light, camera)
         exposure = auto_exposure(radiance, view.mask) * 1.5
         show(page, asset, camera, light, exposure=exposure, curve=curve)
@@ -131,7 +130,7 @@ def test_basis_coefficients_are_what_is_drawn(name, assets, synthetic, tmp_path,
     for version in (asset, changed):
         export(version, tmp_path, registers=None)
         page = open_page(tmp_path / "index.html")
-        exposure = auto_exposure(render(asset, light, camera), View.of(asset.receivers, camera).mask)
+        exposure = auto_exposure(render(asset, light, camera), asset.receivers.view(camera).mask)
         show(page, asset, camera, light, exposure=exposure, curve="linear")
         picture, mask = page.pixels()
         pictures.append(picture)

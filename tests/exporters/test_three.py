@@ -13,7 +13,6 @@ from diffprt.exporters import ENGINES, export_glb, to_engine, write_three
 from diffprt.rendering import auto_exposure, render
 from diffprt.scene import Camera
 from diffprt.shading import tone_map
-from diffprt.surface.view import View
 
 CAMERA = Camera((2.1, 1.3, -3.4), (0.1, -0.05, 0.0), fov=38.0, width=200, height=160)
 EXACT = 1 / 255
@@ -83,7 +82,7 @@ def test_three_draws_what_torch_renders(name, plain, clustered, glossy_assets, s
     asset = (plain, clustered, *glossy_assets)[KINDS.index(name)]
     tab = three_page(asset, lights={"first": synthetic.random_light(asset.order, 1)})
     assert tab.evaluate("() => mesh.description.kind") == name
-    view = View.of(asset.receivers, CAMERA)
+    view = asset.receivers.view(CAMERA)
     pictures = []
     for seed in (2, 3):
         light = synthetic.random_light(asset.order, seed)

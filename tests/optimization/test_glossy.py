@@ -7,7 +7,6 @@ from diffprt import sh
 from diffprt.brdf import parse_brdf
 from diffprt.compression import ClusteredGlossyTransfer, compress
 from diffprt.optimization import make_references, optimize
-from diffprt.optimization.metric import Metric
 from diffprt.scene import builtin_environment
 from diffprt.transfer import bake_glossy
 
@@ -18,7 +17,7 @@ def glossy(bumpy):
 
 
 def test_the_metric_is_radiance_over_the_hemisphere(glossy, generator):
-    metric = Metric.of(glossy, torch.ones(9))
+    metric = glossy.metric(torch.ones(9))
     signal = torch.randn(1, 9, 9, generator=generator)
     turn = torch.randn(40000, 3, generator=generator, dtype=torch.float64)
     # Cosine-distributed directions: uniform on the sphere, moved up by one.

@@ -51,6 +51,7 @@ from diffprt.exporters import export_glb, write_three
 from diffprt.exporters.shaders import write_shaders
 from diffprt.planning import plan
 from diffprt.rendering import FrozenView, picture
+from diffprt.representation import Provenance
 from diffprt.scene import Material, Mesh, builtin_environment, builtin_scene
 from diffprt.transfer import GlossyTransfer, bake_glossy
 
@@ -318,7 +319,7 @@ def _square_assets() -> dict[str, Asset]:
         torch.tensor([[0.5, 0.25, 0.125]]).repeat(4, 1),
         torch.tensor([[0, 1, 2], [0, 2, 3]]),
     )
-    facts = {"settings": {"order": 2}, "certificate": {"noise_relative": 0.25}, "scene_hash": "0" * 64}
+    facts = {"provenance": Provenance({"order": 2}, {}, {"noise_relative": 0.25}, "0" * 64)}
     labels, weights = torch.tensor([0, 0, 1, 1]), torch.tensor([[0.5], [-0.5], [0.25], [-0.25]])
     means, bases = torch.arange(24.0).reshape(2, 3, 4) / 4, torch.zeros(2, 1, 3, 4)
     bases[:, 0, 0, 0] = 1

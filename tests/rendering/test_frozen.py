@@ -15,7 +15,7 @@ from diffprt.rendering import FrozenView, picture, render
 from diffprt.scene import Camera, Environment, builtin_environment
 from diffprt.sh.frames import frame_rotations, rows_from_frames, tangent_frames
 from diffprt.shading import CURVES, tone_map
-from diffprt.surface import Receivers, View
+from diffprt.surface import Receivers
 from diffprt.transfer import GlossyTransfer, Transfer, bake_glossy
 
 
@@ -50,7 +50,7 @@ def test_products_are_interpolation(bumpy_transfer, dtype, generator):
     """Values and vector-Jacobian products, against `View.interpolate`."""
     receivers = bumpy_transfer.receivers
     camera = Camera.framing(receivers.positions, width=40, height=30)
-    frozen, view = FrozenView.of(receivers, camera), View.of(receivers, camera)
+    frozen, view = FrozenView.of(receivers, camera), receivers.view(camera)
     values = torch.randn(len(receivers), 5, generator=generator, dtype=dtype, requires_grad=True)
     along = torch.randn(30, 40, 5, generator=generator, dtype=dtype)
     ours, twin = frozen.image(values[frozen.seen]), view.interpolate(values)

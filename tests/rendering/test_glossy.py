@@ -10,10 +10,10 @@ from tolerances import FLOAT32
 from diffprt.brdf import Lambert, ModifiedPhong
 from diffprt.compression import ClusteredGlossyTransfer, compress
 from diffprt.errors import InputError
-from diffprt.rendering import glossy_radiance, render
+from diffprt.rendering import render
 from diffprt.scene import Camera, Light, builtin_environment, builtin_scene
 from diffprt.shading import shade
-from diffprt.surface import Receivers, View
+from diffprt.surface import Receivers
 from diffprt.transfer import GlossyTransfer, bake, bake_glossy
 
 
@@ -44,8 +44,8 @@ def test_coarse_pictures_look_like_fine_ones(spheres):
     """Inside the outline; interpolating radiance itself is several times as far off."""
     camera = Camera.framing(spheres[3].receivers.positions, width=96, height=96, margin=0.8)
     light = light_of(6)
-    truth, coarse = (glossy_radiance(spheres[s], light, camera) for s in (5, 3))
-    view = View.of(spheres[3].receivers, camera)
+    truth, coarse = (render(spheres[s], light, camera) for s in (5, 3))
+    view = spheres[3].receivers.view(camera)
     vertices = view.interpolate(shade(spheres[3], light, camera.eye))
     off = [float((picture - truth)[view.mask].norm() / truth[view.mask].norm()) for picture in (coarse, vertices)]
     assert off[0] < 0.01
@@ -76,11 +76,11 @@ def test_gradients_reach_transfer_and_light():
     camera = Camera((0.5, 0.3, 4.0), (0.0, 0.0, 0.0), width=6, height=5)
     signal = torch.randn(4, 1, 9, 4, dtype=torch.float64, generator=generator, requires_grad=True)
     light = torch.randn(4, 3, dtype=torch.float64, generator=generator, requires_grad=True)
-    view = View.of(receivers, camera)
+    view = receivers.view(camera)
     assert 8 < int(view.mask.sum()) < 30
 
     def picture(signal: torch.Tensor, light: torch.Tensor) -> torch.Tensor:
-        return glossy_radiance(GlossyTransfer(signal, receivers), light, camera, view)
+        return render(GlossyTransfer(signal, receivers), Light(light), camera)
 
     assert torch.autograd.gradcheck(picture, (signal, light))
     assert picture(signal.float(), light.float()).dtype == torch.float32
@@ -117,12 +117,12 @@ def test_gradients_reach_clusters_through_pixels():
     normals = torch.nn.functional.normalize(positions * 0.2 + torch.tensor([0.0, 0, 1]), dim=-1)
     receivers = Receivers(positions, normals, torch.zeros(4, 3), torch.tensor([[0, 1, 2], [0, 2, 3]]))
     camera = Camera((0.5, 0.3, 4.0), (0.0, 0.0, 0.0), width=4, height=3)
-    view, labels = View.of(receivers, camera), torch.tensor([0, 1, 1, 0])
+    labels = torch.tensor([0, 1, 1, 0])
     shapes = [(4, 3), (2, 1, 9, 4), (2, 2, 1, 9, 4), (4, 2)]
     inputs = [torch.randn(s, dtype=torch.float64, generator=generator, requires_grad=True) for s in shapes]
 
     def picture(light: torch.Tensor, *parameters: torch.Tensor) -> torch.Tensor:
-        return glossy_radiance(ClusteredGlossyTransfer(labels, *parameters, receivers), light, camera, view)
+        return render(ClusteredGlossyTransfer(labels, *parameters, receivers), light, camera)
 
     assert torch.autograd.gradcheck(picture, inputs)
     assert all(float(g.norm()) > 0 for g in torch.autograd.grad(picture(*inputs).sum(), inputs))
@@ -130,7 +130,7 @@ def test_gradients_reach_clusters_through_pixels():
 
 def test_nothing_in_view_is_black(spheres):
     camera = Camera((0.0, 0.0, 5.0), (0.0, 0.0, 10.0), width=8, height=8)
-    assert float(glossy_radiance(spheres[3], light_of(6), camera).abs().max()) == 0
+    assert float(render(spheres[3], light_of(6), camera).abs().max()) == 0
 
 
 def test_bad_input_is_named(spheres):

@@ -11,7 +11,7 @@ from diffprt.rendering import auto_exposure, pixel_rays, render
 from diffprt.rendering.sheet import contact_sheet
 from diffprt.scene import Camera, Light, constant_light, directional_light
 from diffprt.shading import shade
-from diffprt.surface import Receivers, View
+from diffprt.surface import Receivers
 from diffprt.transfer import Transfer
 
 
@@ -24,7 +24,7 @@ def test_framing_holds_everything_and_fills_the_picture(bumpy_transfer):
             width=size[0],
             height=size[1],
         )
-        mask = View.of(bumpy_transfer.receivers, camera).mask
+        mask = bumpy_transfer.receivers.view(camera).mask
         assert not bool(mask[0].any() or mask[-1].any() or mask[:, 0].any() or mask[:, -1].any())
         rows, columns = mask.any(1).double().mean(), mask.any(0).double().mean()
         assert max(float(rows), float(columns)) > 0.8
@@ -56,7 +56,7 @@ def test_a_light_from_the_right_brightens_the_right(bumpy_transfer):
 
 def test_pixel_rays_pass_through_what_pixels_see(bumpy_transfer):
     camera = Camera.framing(bumpy_transfer.receivers.positions, azimuth=40, elevation=30, width=50, height=40)
-    view = View.of(bumpy_transfer.receivers, camera)
+    view = bumpy_transfer.receivers.view(camera)
     points = view.interpolate(bumpy_transfer.receivers.positions.double())[view.mask]
     expected = torch.nn.functional.normalize(points - torch.tensor(camera.eye, dtype=torch.float64), dim=-1)
     assert int(view.mask.sum()) > 500
@@ -69,7 +69,7 @@ def test_background_is_the_light_itself(bumpy_transfer):
     light = Light(torch.randn(16, 3, generator=torch.Generator().manual_seed(0)))
     camera = Camera.framing(bumpy_transfer.receivers.positions, width=32, height=32, margin=2.0)
     image = render(bumpy_transfer, light, camera, background="light")
-    mask = View.of(bumpy_transfer.receivers, camera).mask
+    mask = bumpy_transfer.receivers.view(camera).mask
     assert torch.allclose(image[~mask], light.radiance(pixel_rays(camera))[~mask])
     grey = render(bumpy_transfer, light, camera, background=(0.1, 0.2, 0.3))
     assert torch.allclose(grey[~mask], torch.tensor([0.1, 0.2, 0.3]).expand(int((~mask).sum()), 3))
@@ -93,7 +93,7 @@ def test_auto_exposure_brings_the_mean_to_mid_grey():
 
 def test_gradients_reach_light_and_signal(bumpy_transfer):
     camera = Camera.framing(bumpy_transfer.receivers.positions, width=16, height=16)
-    view = View.of(bumpy_transfer.receivers, camera)
+    view = bumpy_transfer.receivers.view(camera)
     signal = bumpy_transfer.diffuse.double().requires_grad_()
     light = torch.randn(16, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(4), requires_grad=True)
 

@@ -12,7 +12,8 @@ import torch
 from diffprt.brdf import GGX, brdf_of
 from diffprt.compression import ClusteredGlossyTransfer, ClusteredTransfer, compress
 from diffprt.errors import InputError
-from diffprt.representation.files import KINDS, load, read_header, save
+from diffprt.representation.files import load, read_header, save
+from diffprt.representation.registry import HOMES, kind_of
 from diffprt.transfer import GlossyTransfer, Transfer, bake_glossy
 
 
@@ -33,14 +34,14 @@ def clustered_glossy(glossy) -> ClusteredGlossyTransfer:
     return compress(glossy, clusters=9, components=3)
 
 
-@pytest.mark.parametrize("kind", list(KINDS))
+@pytest.mark.parametrize("kind", list(HOMES))
 def test_round_trip(kind, bumpy_transfer, compressed, glossy, clustered_glossy, tmp_path):
-    asset = dict(zip(KINDS, (bumpy_transfer, compressed, glossy, clustered_glossy), strict=True))[kind]
+    asset = dict(zip(HOMES, (bumpy_transfer, compressed, glossy, clustered_glossy), strict=True))[kind]
     size = save(asset, tmp_path / "a.prt")
     assert size == (tmp_path / "a.prt").stat().st_size
     back = load(tmp_path / "a.prt")
     assert type(back) is type(asset)
-    for name in KINDS[kind].shapes:
+    for name in (name for name, tensor in kind_of(kind).spec.items() if not tensor.optional):
         assert torch.equal(getattr(back, name), getattr(asset, name))
     for name in ("positions", "normals", "albedo", "faces"):
         assert torch.equal(getattr(back.receivers, name), getattr(asset.receivers, name))
@@ -63,7 +64,7 @@ def test_glossy_assets_know_their_brdf(glossy, tmp_path):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda h, t: t.update(glossy=t["glossy"][:-1]), "glossy transfer has shape"),
+        (lambda h, t: t.update(glossy=t["glossy"][:-1]), "glossy of shape"),
         (lambda h, t: t.update(glossy=t["glossy"][:, :, :-1]), "order"),
         (lambda h, t: t.update(glossy=t["glossy"][0]), "glossy of shape"),
         (lambda h, t: t.update(glossy=t["glossy"].half()), "glossy of dtype"),
@@ -86,13 +87,13 @@ def test_hostile_glossy_assets_are_refused(glossy, tmp_path, change, message):
         (lambda h, t: t.update(means=t["means"][:, :, :-1], bases=t["bases"][:, :, :, :-1]), "order"),
         (lambda h, t: t.update(means=t["means"][:, :, 0]), "means of shape"),
         (lambda h, t: t.update(means=t["means"].long()), "means of dtype"),
-        (lambda h, t: t.update(bases=t["bases"][:-1]), "bases of shape"),
+        (lambda h, t: t.update(bases=t["bases"][:-1]), "beside bases of"),
         (lambda h, t: t.update(bases=t["bases"][0]), "bases of shape"),
         (lambda h, t: t.update(weights=t["weights"][:, :-1]), "weights of shape"),
         (lambda h, t: t["bases"].__setitem__((0, 0, 0, 0, 0), float("nan")), "non-finite bases"),
         (lambda h, t: t["labels"].fill_(200), "labels outside"),
         (lambda h, t: t.update(labels=t["labels"][:0]), "labels of shape"),
-        (lambda h, t: t.update(labels=t["labels"][:0], weights=t["weights"].byte()), "ranges of weights"),
+        (lambda h, t: t.update(labels=t["labels"][:0], weights=t["weights"].byte()), "labels of shape"),
         (lambda h, t: t.update(weights=t["weights"].byte()), "ranges of weights"),
         (lambda h, t: t.update(glossy=torch.zeros(1)), "wanted"),
         (lambda h, t: t.update(openness=torch.zeros(len(t["labels"]))), "wanted"),
@@ -115,13 +116,13 @@ def test_documents_list_every_tensor():
     page = Path(__file__).resolve().parents[2] / "docs" / "assets.md"
     table = page.read_text("utf-8").partition("## Tensors")[2].partition("## ")[0]
     rows = re.findall(r"^\| (`[^|]*`) \|[^|]*\|[^|]*\| ([^|]*) \|$", table, re.MULTILINE)
-    listed = {kind: set() for kind in KINDS}
+    listed = {kind: set() for kind in HOMES}
     for names, kinds in rows:
-        for kind in KINDS:
+        for kind in HOMES:
             if kinds.startswith("all") or f"`{kind}`" in kinds:
                 listed[kind] |= set(re.findall(r"`(\w+)`", names))
     geometry = {"positions", "normals", "albedo", "faces"}
-    assert listed == {name: geometry | set(kind.shapes) | set(kind.optional) for name, kind in KINDS.items()}
+    assert listed == {name: geometry | set(kind_of(name).spec) for name in HOMES}
 
 
 @pytest.mark.parametrize("clusters", [200, 300])
@@ -211,7 +212,7 @@ def hostile(path, change) -> None:
     ("change", "message"),
     [
         (lambda h, t: h.update(version=99), "version 99"),
-        (lambda h, t: h.update(type="pickle"), "holds a 'pickle'"),
+        (lambda h, t: h.update(type="pickle"), "'pickle' is no kind of asset known here"),
         (lambda h, t: h.pop("settings"), "damaged header"),
         (lambda h, t: t.pop("weights"), "wanted"),
         (lambda h, t: t.update(extra=torch.zeros(1)), "wanted"),

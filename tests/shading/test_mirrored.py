@@ -1,5 +1,7 @@
 """Exit radiance by mirrored direction: exact at receivers, nearly constant between them, differentiable."""
 
+import math
+
 import pytest
 import torch
 from tolerances import FLOAT32
@@ -7,13 +9,14 @@ from tolerances import FLOAT32
 from diffprt import sh
 from diffprt.brdf import Brdf, Lambert, ModifiedPhong, hemisphere_moments
 from diffprt.errors import InputError
+from diffprt.representation import Lit, Samples
 from diffprt.scene import builtin_scene
 from diffprt.sh.frames import frame_rotations, rows_from_frames, tangent_frames
-from diffprt.shading import exit_radiance, mirrored_radiance, radiance_towards, shade
-from diffprt.shading.glossy import shade_glossy
+from diffprt.shading import shade
 from diffprt.surface import Receivers
 from diffprt.transfer import GlossyTransfer
 from diffprt.transfer.glossy.materials import GlossyMaterials
+from diffprt.transfer.glossy.mirrored import MirroredBasis
 
 
 def directions(count: int, seed: int) -> torch.Tensor:
@@ -36,6 +39,23 @@ def open_transfer(normals: torch.Tensor, brdf: Brdf, order: int, order_out: int)
     return GlossyTransfer(signal.float(), Receivers.points(normals, normals))
 
 
+def towards(coefficients, points, normals, eye):
+    """Radiance of points that carry coefficients of their own towards an eye."""
+    own, order = torch.arange(len(points))[:, None], math.isqrt(coefficients.shape[-1])
+    samples = Samples(own, torch.ones(len(points), 1, dtype=points.dtype), points, normals)
+    return Lit(coefficients, MirroredBasis(order)).towards(samples, eye)
+
+
+def exit_radiance_of(asset, light):
+    return asset.exit_radiance(light)
+
+
+def local_basis(asset, eye):
+    """SH at the view on each receiver's own axes."""
+    view = torch.nn.functional.normalize(eye - asset.receivers.positions, dim=-1)
+    return sh.basis(torch.einsum("vij,vi->vj", asset.frames, view), asset.order_out).double()
+
+
 def test_at_the_receivers_it_is_shading():
     normals = directions(200, 1)
     generator = torch.Generator().manual_seed(2)
@@ -43,12 +63,10 @@ def test_at_the_receivers_it_is_shading():
         signal = torch.randn(200, channels, 25, 9, dtype=torch.float64, generator=generator)
         asset = GlossyTransfer(signal, Receivers.points(normals, normals))
         eye = torch.tensor([0.7, 2.0, 1.5])
-        found = radiance_towards(
-            mirrored_radiance(asset, light_of(3)), asset.receivers.positions, asset.receivers.normals, eye
-        )
+        found = torch.einsum("vco,vo->vc", exit_radiance_of(asset, light_of(3)), local_basis(asset, eye))
         facing = ((eye - asset.receivers.positions) * normals).sum(1) > 0.01
         assert 50 < int(facing.sum()) < 200
-        expected = shade_glossy(asset, light_of(3), eye)
+        expected = shade(asset, light_of(3), eye)
         # Positions, normals and so frames are float32.
         assert torch.allclose(found[facing], expected[facing], atol=FLOAT32["twin"] * float(expected.abs().max()))
         assert bool(torch.isfinite(found).all())
@@ -62,14 +80,14 @@ def test_between_receivers_it_is_what_hardly_turns(exponent):
     ends = [torch.nn.functional.normalize(middle + s * 0.176 * tangent, dim=-1) for s in (-1, 1)]
     views = torch.nn.functional.normalize(middle + 0.6 * directions(300, 5), dim=-1)
     light, brdf = light_of(order), ModifiedPhong(exponent)
-    truth = shade_glossy(open_transfer(middle, brdf, order, order_out), light, middle + views)
+    truth = shade(open_transfer(middle, brdf, order, order_out), light, middle + views)
     between, turned = [], []
     for normals in ends:
         asset = open_transfer(normals, brdf, order, order_out)
-        between.append(shade_glossy(asset, light, asset.receivers.positions + views))
-        turned.append(mirrored_radiance(asset, light))
+        between.append(shade(asset, light, asset.receivers.positions + views))
+        turned.append(asset.lit(light).coefficients)
     eyes = middle + views
-    mixed = radiance_towards((turned[0] + turned[1]) / 2, middle, middle, eyes)
+    mixed = towards((turned[0] + turned[1]) / 2, middle, middle, eyes)
     off = [float((picture - truth).norm() / truth.norm()) for picture in (mixed, (between[0] + between[1]) / 2)]
     assert off[0] < 0.02
     assert off[0] < 0.2 * off[1]
@@ -98,7 +116,7 @@ def test_gradients():
     eye = torch.tensor([1.0, 2.0, 3.0], dtype=torch.float64, requires_grad=True)
 
     def radiance(signal, light, points, axes, eye):
-        return radiance_towards(mirrored_radiance(GlossyTransfer(signal, receivers), light), points, axes, eye)
+        return towards(GlossyTransfer(signal, receivers).lit(light).coefficients, points, axes, eye)
 
     assert torch.autograd.gradcheck(radiance, (signal, light, points, axes, eye))
 
@@ -106,7 +124,7 @@ def test_gradients():
 def test_bad_input_is_named():
     asset = open_transfer(directions(3, 11), Lambert(0.5), 2, 2)
     with pytest.raises(InputError, match="project the light with order=2"):
-        exit_radiance(asset, torch.ones(9, 3))
+        asset.exit_radiance(torch.ones(9, 3))
     with pytest.raises(InputError, match=r"give view, such as camera\.eye"):
         shade(asset, torch.ones(4, 3))
     with pytest.raises(InputError, match="leave albedo out"):

@@ -12,7 +12,7 @@ from diffprt.compression import overdraw, squared_errors
 from diffprt.compression.encode import Encoded
 from diffprt.errors import InputError
 from diffprt.scene import Camera, builtin_environment, builtin_scene
-from diffprt.shading.glossy import shade_glossy
+from diffprt.shading import shade
 from diffprt.study.overdraw import study
 from diffprt.study.overdraw.image import HeldOut
 from diffprt.study.overdraw.methods import Method, cluster_energy
@@ -207,7 +207,7 @@ def test_image_is_what_shading_gives(tmp_path, channels):
     light = builtin_environment("sky").project(3)
     found = HeldOut(signal, {"sky": light}, azimuths=(40.0,)).radiance(lambda rows: signal.values[rows].flatten(1))
     eye = torch.tensor(Camera.framing(signal.receivers.positions, azimuth=40.0).eye)
-    expected = shade_glossy(GlossyTransfer(signal.values, signal.receivers), light, eye)
+    expected = shade(GlossyTransfer(signal.values, signal.receivers), light, eye)
     facing = ((eye - signal.receivers.positions) * signal.receivers.normals).sum(1) > 0
     assert 0 < int(facing.sum()) < len(facing)
     torch.testing.assert_close(found[0, 0][facing], expected[facing].float(), rtol=1e-4, atol=1e-5)

@@ -14,7 +14,7 @@ from diffprt.kernels import TriangleMesh
 from diffprt.scene import builtin_scene
 from diffprt.sh.frames import tangent_frames
 from diffprt.sh.product import product_matrix
-from diffprt.shading.glossy import shade_glossy
+from diffprt.shading import shade
 from diffprt.surface import Receivers, Surfaces
 from diffprt.surface.sampling import Pattern, hemisphere_directions
 from diffprt.transfer import bake
@@ -83,7 +83,7 @@ def test_lambert_agrees_with_diffuse_transfer(bumpy, bounces, error):
     diffuse = bake(bumpy.with_albedo(0.6), order=4, rays=256, bounces=bounces)
     light = light_of(4)
     expected = 0.6 / math.pi * diffuse.diffuse[:, 0] @ light
-    found = shade_glossy(glossy, light, (2.0, 1.0, 3.0))
+    found = shade(glossy, light, (2.0, 1.0, 3.0))
     assert float((found - expected).norm()) < error * float(expected.norm())
 
 
@@ -104,7 +104,7 @@ def test_phong_seen_along_the_normal_is_a_zonal_convolution(kind):
     lobe = (power + 1) / (2 * math.pi) * zonal
     expected = sh.evaluate(sh.convolve(light, lobe), transfer.receivers.normals.double())
     eyes = transfer.receivers.positions + 2 * transfer.receivers.normals
-    found = shade_glossy(transfer, light, eyes).double()
+    found = shade(transfer, light, eyes).double()
     # What is left is exit radiance cut at order 5, towards one view.
     assert float((found - expected).norm()) < 0.015 * float(expected.norm())
 
@@ -124,7 +124,7 @@ def test_shadowed_radiance_agrees_with_direct_integration(bumpy, brdf, error):
     errors = []
     for order_out in (3, 5):
         transfer = bake_glossy(bumpy, brdf, order=4, order_out=order_out, rays=256, bounces=0)
-        found = shade_glossy(transfer, light, eye)[pick].double()
+        found = shade(transfer, light, eye)[pick].double()
         weighted = cosine.sqrt()[:, None]
         errors.append(float(((found - truth) * weighted).norm() / (truth * weighted).norm()))
     assert errors[1] < error
@@ -173,9 +173,9 @@ def test_turning_the_scene_turns_the_light(bumpy):
     turn[0, 2], turn[2, 0] = math.sin(angle), -math.sin(angle)
     light, eye, brdf = light_of(4), torch.tensor([2.0, 1.0, -1.5]), ModifiedPhong(8.0)
     rotation = turn[:3, :3].float()
-    still = shade_glossy(bake_glossy(bumpy, brdf, order=4, rays=2048, bounces=0), light, eye)
+    still = shade(bake_glossy(bumpy, brdf, order=4, rays=2048, bounces=0), light, eye)
     turned = bake_glossy(bumpy.transformed(turn), brdf, order=4, rays=2048, bounces=0)
-    moved = shade_glossy(turned, sh.rotate(light, rotation), rotation @ eye)
+    moved = shade(turned, sh.rotate(light, rotation), rotation @ eye)
     assert float((moved - still).norm()) < 0.01 * float(still.norm())
 
 
@@ -207,7 +207,7 @@ def test_gradients_reach_the_brdf_through_bounces():
 
     def radiance(exponent: torch.Tensor, diffuse: torch.Tensor) -> torch.Tensor:
         brdf = ModifiedPhong(exponent, diffuse=diffuse, specular=0.5)
-        return shade_glossy(bake_glossy(scene, brdf, order=3, rays=64, bounces=2, bounce_rays=64), light, eye).mean()
+        return shade(bake_glossy(scene, brdf, order=3, rays=64, bounces=2, bounce_rays=64), light, eye).mean()
 
     parameters = [torch.tensor(v, dtype=torch.float64, requires_grad=True) for v in (6.0, 0.3)]
     radiance(*parameters).backward()

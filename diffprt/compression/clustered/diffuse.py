@@ -8,11 +8,14 @@ from typing import ClassVar
 import torch
 
 from diffprt.compression.clustered.signal import ClusteredSignal
-from diffprt.transfer import Transfer, check_openness
+from diffprt.compression.clustered.storage import clustered_spec
+from diffprt.representation.spec import Spec
+from diffprt.transfer.at_receivers import OPENNESS, DiffuseTransfer
+from diffprt.transfer.diffuse.signal import Transfer
 
 
 @dataclass(frozen=True)
-class ClusteredTransfer(ClusteredSignal):
+class ClusteredTransfer(ClusteredSignal, DiffuseTransfer, plain=Transfer):
     """Diffuse transfer compressed by clustered PCA: see `ClusteredSignal`.
 
     Attributes:
@@ -21,6 +24,8 @@ class ClusteredTransfer(ClusteredSignal):
         openness, bent_normals: as in `Transfer`.
     """
 
+    name: ClassVar[str] = "clustered_transfer"
+    spec: ClassVar[Spec] = {**clustered_spec("C", "K"), **OPENNESS}
     axes: ClassVar[tuple[str, ...]] = ("C", "K")
 
     openness: torch.Tensor | None = None
@@ -28,17 +33,13 @@ class ClusteredTransfer(ClusteredSignal):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_openness(len(self.receivers), self.openness, self.bent_normals)
+        self.check_openness()
+
+    @staticmethod
+    def as_matrices(values: torch.Tensor) -> torch.Tensor:
+        return values[..., None, :]
 
     def decode(self) -> Transfer:
         """The transfer that the compressed form stands for; gradients reach means, bases and weights."""
-        return Transfer(
-            self.blend(self.means, self.bases),
-            self.receivers,
-            self.settings,
-            self.plan,
-            self.certificate,
-            self.scene_hash,
-            self.openness,
-            self.bent_normals,
-        )
+        signal = self.blend(self.means, self.bases)
+        return Transfer(signal, self.receivers, self.provenance, self.openness, self.bent_normals)

@@ -2,22 +2,33 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import Any, ClassVar, Self
 
 import torch
 
 from diffprt import sh
 from diffprt.compression.clustered.quantize import check_format
+from diffprt.compression.clustered.storage import from_tensors, to_tensors
 from diffprt.compression.clusters.blend import blend
 from diffprt.compression.encode import encoded_bytes
 from diffprt.compression.overdraw.overdraw import overdraw
 from diffprt.errors import InputError
-from diffprt.surface import Receivers
+from diffprt.representation.elements import Elements
+from diffprt.representation.interface import Representation
+from diffprt.representation.lighting import LightingLike
+from diffprt.representation.provenance import Provenance
+from diffprt.surface.receivers import Receivers
+from diffprt.transfer.at_receivers import TransferAtReceivers
+from diffprt.transfer.light_product import under_light
+
+# What each kind of transfer becomes when it is compressed; filled where the types are defined.
+CLUSTERED: dict[type[Representation], type[ClusteredSignal]] = {}
 
 
 @dataclass(frozen=True)
-class ClusteredSignal:
+class ClusteredSignal(TransferAtReceivers):
     """A signal of receivers compressed by clustered PCA (Sloan et al. 2003; thesis 2005, section 3.1).
 
     Receiver v of cluster m = labels[v] holds  means[m] + sum_p weights[v, p] bases[m, p].
@@ -28,7 +39,7 @@ class ClusteredSignal:
         means: float [M, ...], one signal per cluster: channels first, coefficients of incident light last.
         bases: float [M, P, ...], orthonormal over a signal's numbers; rows beyond a cluster's rank are zero.
         weights: float [V, P].
-        receivers, settings, plan, certificate, scene_hash: as in `Transfer`.
+        receivers, provenance: as in `Transfer`.
         weights_format, bases_format: "float32", "float16" or "uint8": the numbers above are what comes back from
             storage in that format, with means stored as bases are.
 
@@ -36,6 +47,7 @@ class ClusteredSignal:
         InputError: shapes or dtypes that do not belong together, labels out of range, or an unknown format.
     """
 
+    compressed: ClassVar[bool] = True
     axes: ClassVar[tuple[str, ...]]
 
     labels: torch.Tensor
@@ -43,12 +55,14 @@ class ClusteredSignal:
     bases: torch.Tensor
     weights: torch.Tensor
     receivers: Receivers
-    settings: dict = field(default_factory=dict, compare=False)
-    plan: dict = field(default_factory=dict, compare=False)
-    certificate: dict = field(default_factory=dict, compare=False)
-    scene_hash: str = ""
+    provenance: Provenance = field(default_factory=Provenance, compare=False)
     weights_format: str = "float32"
     bases_format: str = "float32"
+
+    def __init_subclass__(cls, *, plain: type[TransferAtReceivers] | None = None, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        if plain is not None:
+            CLUSTERED[plain] = cls
 
     def __post_init__(self) -> None:
         if self.means.dim() != 1 + len(self.axes) or self.bases.dim() != 2 + len(self.axes):
@@ -106,6 +120,16 @@ class ClusteredSignal:
         """Bytes of the signal as stored: means, bases, weights and labels."""
         return encoded_bytes(self.labels, self.means, self.bases, self.weights, self.weights_format, self.bases_format)
 
+    def stored(self) -> dict[str, torch.Tensor]:
+        return {
+            **to_tensors(self.labels, self.means, self.bases, self.weights, self.weights_format, self.bases_format),
+            **self.beside_signal,
+        }
+
+    @classmethod
+    def restored(cls, tensors: dict[str, torch.Tensor], elements: Elements, provenance: Provenance) -> Self:
+        return cls(**from_tensors(tensors), receivers=elements, provenance=provenance)
+
     def overdraw(self, faces: torch.Tensor | None = None) -> float:
         """Average triangle overdraw (thesis 2005, equation 8) over `faces` int64 [F, 3], the receivers' own without."""
         return overdraw(self.labels, self.receivers.faces if faces is None else faces)
@@ -114,3 +138,30 @@ class ClusteredSignal:
         """What receivers hold, [V, ...], of what clusters hold for their means [M, ...] and components [M, P, ...]:
         the signal itself, or the signal applied to a light. Gradients reach both and the weights; see `blend`."""
         return blend(self.labels, self.weights, means, bases)
+
+    def exit_radiance(self, lighting: LightingLike) -> torch.Tensor:
+        """As of uncompressed transfer, found as a shader finds it: means and components are applied to the light once
+        for each cluster, then blended by the receivers' weights."""
+        light = self.coefficients_of(lighting)
+        means, bases = (under_light(self.as_matrices(values), light) for values in (self.means, self.bases))
+        return self.blend(means, bases)
+
+    @staticmethod
+    @abstractmethod
+    def as_matrices(values: torch.Tensor) -> torch.Tensor:
+        """Signals [..., one signal] as matrices from light to exit radiance, [..., C, K_out, K]."""
+
+    @property
+    def signal_shape(self) -> tuple[int, ...]:
+        return tuple(self.means.shape[1:])
+
+    @property
+    def counts(self) -> dict:
+        return {"overdraw": self.overdraw()} if len(self.receivers.faces) else {}
+
+    @property
+    def signal(self) -> torch.Tensor:
+        self.refuse(
+            f"is already compressed, to {self.clusters} clusters x {self.components} components",
+            "give the one that was baked, or its decode()",
+        )

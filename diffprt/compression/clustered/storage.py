@@ -5,46 +5,68 @@ from __future__ import annotations
 import torch
 
 from diffprt.compression.clustered.quantize import Quantized, dequantize, quantize
-from diffprt.compression.clustered.signal import ClusteredSignal
 from diffprt.errors import InputError
+from diffprt.representation.spec import FLOATS, Spec, TensorSpec
 
 _FORMATS = {torch.uint8: "uint8", torch.float16: "float16"}
 _NUMBERS = ("means", "bases", "weights")
-LABEL_TYPES = (torch.uint8, torch.uint16, torch.int32)
-RANGES = tuple(f"{name}_{part}" for name in _NUMBERS for part in ("offsets", "steps"))
+_LABEL_TYPES = (torch.uint8, torch.uint16, torch.int32)
+_CODES = (*FLOATS, "float16", "uint8")
+_RANGES = tuple(f"{name}_{part}" for name in _NUMBERS for part in ("offsets", "steps"))
 
 
-def to_tensors(asset: ClusteredSignal) -> dict[str, torch.Tensor]:
-    """`labels`, `means`, `bases` and `weights` in the asset's shapes, and `RANGES` of what is in eight bits.
+def clustered_spec(*axes: str) -> Spec:
+    """The tensors of a file with clusters of signals [axes], and of the ranges of what is in eight bits."""
+    ranges = {name: TensorSpec((f"{name} rows", f"{name} columns"), ("float32",), optional=True) for name in _RANGES}
+    return {
+        "labels": TensorSpec(("V",), ("uint8", "uint16", "int32"), per_element=True),
+        "means": TensorSpec(("M", *axes), _CODES, trainable=True),
+        "bases": TensorSpec(("M", "P", *axes), _CODES, trainable=True),
+        "weights": TensorSpec(("V", "P"), _CODES, per_element=True, trainable=True),
+        **ranges,
+    }
+
+
+def to_tensors(
+    labels: torch.Tensor,
+    means: torch.Tensor,
+    bases: torch.Tensor,
+    weights: torch.Tensor,
+    weights_format: str,
+    bases_format: str,
+) -> dict[str, torch.Tensor]:
+    """The arguments as a file holds them, in their shapes, and `RANGES` of what is in eight bits.
 
     Weights have a range for each cluster and component, bases for each of theirs, means for each cluster.
     """
-    dtype = next(t for t in LABEL_TYPES if asset.clusters <= torch.iinfo(t).max + 1)
-    tensors = {"labels": asset.labels.to(dtype)}
+    whole = {"means": means, "bases": bases, "weights": weights}
+    dtype = next(t for t in _LABEL_TYPES if len(means) <= torch.iinfo(t).max + 1)
+    tensors = {"labels": labels.to(dtype)}
     for name, values, format, ranges in (
-        ("means", asset.means.flatten(1)[:, None], asset.bases_format, None),
-        ("bases", asset.bases, asset.bases_format, None),
-        ("weights", asset.weights, asset.weights_format, asset.labels),
+        ("means", means.flatten(1)[:, None], bases_format, None),
+        ("bases", bases, bases_format, None),
+        ("weights", weights, weights_format, labels),
     ):
         if format == "float32":
-            tensors[name] = getattr(asset, name)
+            tensors[name] = whole[name]
             continue
         stored = quantize(values, format, ranges=ranges)
-        tensors[name] = stored.codes.reshape(getattr(asset, name).shape)
+        tensors[name] = stored.codes.reshape(whole[name].shape)
         if format == "uint8":
             tensors |= {f"{name}_offsets": stored.offsets, f"{name}_steps": stored.steps}
     return tensors
 
 
 def from_tensors(tensors: dict[str, torch.Tensor]) -> dict:
-    """The arguments of `ClusteredSignal` that `to_tensors` made tensors of.
+    """The arguments of `ClusteredSignal` that `to_tensors` made tensors of; others are passed on.
 
     Raises:
         InputError: ranges are missing, or not those of the clusters and components.
     """
     labels, clusters = tensors["labels"].to(torch.int64), len(tensors["means"])
     known = len(labels) > 0 and 0 <= int(labels.min()) <= int(labels.max()) < clusters
-    found: dict = {"labels": labels}
+    found: dict = {key: value for key, value in tensors.items() if key not in (*_NUMBERS, *_RANGES)}
+    found["labels"] = labels
     for name in _NUMBERS:
         codes, ranges = tensors[name], labels if name == "weights" else None
         if codes.dtype not in _FORMATS:

@@ -13,8 +13,8 @@ import numpy as np
 from diffprt.errors import InputError
 from diffprt.exporters.packers.packed import Packed, floats
 from diffprt.exporters.packers.registry import pack
+from diffprt.representation import Representation as Exportable
 from diffprt.representation.files import CONVENTIONS
-from diffprt.representation.files import Asset as Exportable
 from diffprt.scene import Light
 from diffprt.whole_file import make_folder, write_whole
 

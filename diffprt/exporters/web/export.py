@@ -20,7 +20,7 @@ from diffprt.exporters.web.lights import default_light
 from diffprt.exporters.web.template import fill_template, joined_scripts, page_source, script_json, shader_elements
 from diffprt.exporters.web.versions import collect
 from diffprt.options import ExportOptions, takes
-from diffprt.representation.files import Asset as Exportable
+from diffprt.representation import Representation as Exportable
 from diffprt.scene import Light
 from diffprt.scene.camera import Camera
 from diffprt.whole_file import make_folder, write_whole

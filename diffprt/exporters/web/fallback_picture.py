@@ -11,7 +11,7 @@ import torch
 from PIL import Image
 
 from diffprt.rendering import render
-from diffprt.representation.files import Asset as Exportable
+from diffprt.representation import Representation as Exportable
 from diffprt.scene import Camera, Light
 from diffprt.shading import tone_map
 

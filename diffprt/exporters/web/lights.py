@@ -9,9 +9,8 @@ import torch
 
 from diffprt import sh
 from diffprt.rendering import auto_exposure, render
-from diffprt.representation.files import Asset as Exportable
+from diffprt.representation import Representation as Exportable
 from diffprt.scene import Camera, Light
-from diffprt.surface import View
 
 _SKY_RADIANCE = (0.30, 0.36, 0.44)
 _SUN_IRRADIANCE = (2.6, 2.2, 1.7)
@@ -31,5 +30,5 @@ def default_light(order: int) -> Light:
 def balanced_light(asset: Exportable, light: Light) -> Light:
     """The light scaled so that the asset is well exposed at exposure 1: maps come in any unit."""
     camera = Camera.framing(asset.receivers.positions, width=64, height=64)
-    factor = auto_exposure(render(asset, light, camera), View.of(asset.receivers, camera).mask)
+    factor = auto_exposure(render(asset, light, camera), asset.receivers.view(camera).mask)
     return Light(light.coefficients * factor, light.report)

@@ -12,7 +12,7 @@ import torch
 from diffprt.errors import InputError
 from diffprt.exporters.web.export import page_of
 from diffprt.options import ExportOptions
-from diffprt.representation.files import Asset as Exportable
+from diffprt.representation import Representation as Exportable
 from diffprt.scene import Light
 from diffprt.scene.camera import Camera
 

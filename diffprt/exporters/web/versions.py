@@ -13,7 +13,7 @@ from diffprt.exporters.packers.packed import Packed, floats
 from diffprt.exporters.packers.registry import pack
 from diffprt.exporters.web.template import page_classes
 from diffprt.options import ExportOptions
-from diffprt.representation.files import Asset as Exportable
+from diffprt.representation import Representation as Exportable
 from diffprt.transfer import GlossyTransfer, Transfer
 
 MOST_UNCOMPRESSED_BYTES = 20_000_000

@@ -36,11 +36,11 @@ def check_references(asset, references: References) -> list[FrozenView]:
             "references of the same scene"
         )
     if references.bounds:
-        _check_bounds(bounds_of(asset.receivers), references.bounds)
+        _check_bounds(bounds_of(asset.elements), references.bounds)
     views: dict = {}
     for index, entry in enumerate(references):
         if entry.camera not in views:
-            views[entry.camera] = FrozenView.of(asset.receivers, entry.camera, samples=references.samples)
+            views[entry.camera] = FrozenView.of(asset.elements, entry.camera, samples=references.samples)
         view = views[entry.camera]
         if not bool((view.coverage == 1).any()):
             raise InputError(f"no pixel of reference picture {index} lies inside the asset: move the camera nearer")

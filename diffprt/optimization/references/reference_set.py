@@ -11,16 +11,15 @@ import torch
 from diffprt.errors import InputError
 from diffprt.optimization.references.references import Reference, References, bounds_of
 from diffprt.rendering import render
+from diffprt.representation import Elements, Representation
 from diffprt.scene import Camera, Light
-from diffprt.surface import Receivers
-from diffprt.transfer import GlossyTransfer, Transfer
 
 # Sine of the elevations that views are drawn from: from a little below the horizon to steeply above it.
 _LOWEST, _HIGHEST = -0.25, 0.95
 
 
 def random_cameras(
-    receivers: Receivers, count: int, *, width: int = 128, height: int = 128, seed: int = 0
+    elements: Elements, count: int, *, width: int = 128, height: int = 128, seed: int = 0
 ) -> list[Camera]:
     """Cameras around the object that frame it, spread evenly over azimuth and over the sine of elevation.
 
@@ -35,7 +34,7 @@ def random_cameras(
     for azimuth, sine in drawn.tolist():
         elevation = math.degrees(math.asin(_LOWEST + sine * (_HIGHEST - _LOWEST)))
         cameras.append(
-            Camera.framing(receivers.positions, azimuth=360 * azimuth, elevation=elevation, width=width, height=height)
+            Camera.framing(elements.positions, azimuth=360 * azimuth, elevation=elevation, width=width, height=height)
         )
     return cameras
 
@@ -61,7 +60,7 @@ def random_lights(lights: Sequence[Light], count: int, *, seed: int = 0) -> list
 
 
 def make_references(
-    asset: Transfer | GlossyTransfer,
+    asset: Representation,
     lights: Sequence[Light],
     count: int,
     *,
@@ -87,11 +86,11 @@ def make_references(
     Raises:
         InputError: the asset is compressed or has no triangles, the count is below 1, or a light has another order.
     """
-    if not isinstance(asset, Transfer | GlossyTransfer):
+    if asset.compressed:
         raise InputError("references are made of uncompressed transfer, this asset is compressed: give what bake made")
     if not 1 <= count <= 100_000:
         raise InputError(f"reference set has {count} pictures: give 1 to 100000")
-    cameras = random_cameras(asset.receivers, count, width=width, height=height, seed=seed)
+    cameras = random_cameras(asset.elements, count, width=width, height=height, seed=seed)
     turned = random_lights(lights, count, seed=seed)
     shown = turned if turn else [lights[i % len(lights)] for i in range(count)]
     entries = []
@@ -100,4 +99,4 @@ def make_references(
             image = render(asset, light, camera, samples=samples).detach().float()
             entries.append(Reference(image, camera, light.coefficients.detach().float()))
             advance()
-    return References(tuple(entries), asset.scene_hash, bounds_of(asset.receivers), samples)
+    return References(tuple(entries), asset.scene_hash, bounds_of(asset.elements), samples)

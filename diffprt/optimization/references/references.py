@@ -17,10 +17,10 @@ import torch
 from diffprt import sh
 from diffprt.errors import InputError
 from diffprt.images import read_image, write_image
+from diffprt.representation import Elements
 from diffprt.scene import Camera
 from diffprt.scene.srgb import linear_from_srgb
 from diffprt.shading import srgb_encode
-from diffprt.surface import Receivers
 from diffprt.whole_file import make_folder, write_whole
 
 VERSION = 1
@@ -120,9 +120,9 @@ class References:
         return list(found.values())
 
 
-def bounds_of(receivers: Receivers) -> tuple[tuple[float, ...], ...]:
-    """Least and greatest corner of the receivers' positions."""
-    return tuple(tuple(corner(receivers.positions, 0).tolist()) for corner in (torch.amin, torch.amax))
+def bounds_of(elements: Elements) -> tuple[tuple[float, ...], ...]:
+    """Least and greatest corner of the elements' positions."""
+    return tuple(tuple(corner(elements.positions, 0).tolist()) for corner in (torch.amin, torch.amax))
 
 
 def save_references(references: References, folder: str | Path, *, format: str = "exr") -> None:

@@ -271,7 +271,7 @@ def _bake(scene, brdf: str, order: int, rays: int, bounces: int) -> Transfer | G
         return bake(scene, order=order, rays=rays, bounces=bounces)
     with torch.no_grad():
         baked = bake_glossy(scene, parse_brdf(brdf), order=order, order_out=order, rays=rays, bounces=0)
-    return replace(baked, settings={})
+    return baked.labeled(replace(baked.provenance, settings={}))
 
 
 def _light(name: str, order: int, window: str) -> Light:

@@ -11,11 +11,12 @@ from safetensors.torch import load_file, save_file
 
 from diffprt.compression import draws, super_clusters
 from diffprt.rendering.sheet import contact_sheet
+from diffprt.representation import View
 from diffprt.scene import Camera
 from diffprt.study.overdraw.chart import file_name
 from diffprt.study.overdraw.methods import ORIGINAL, THESIS, is_ours
 from diffprt.study.overdraw.summary import overdraw_at
-from diffprt.surface import Receivers, View
+from diffprt.surface import Receivers
 
 _DRAWN_ONCE, _TWICE, _THRICE = (0.80, 0.80, 0.78), (0.93, 0.53, 0.18), (0.62, 0.05, 0.12)
 _GOLDEN = 0.61803398875
@@ -85,7 +86,7 @@ def overdraw_pictures(
         super_clusters_of: what they are for, in words.
     """
     camera = Camera.framing(receivers.positions, width=_SIDE, height=_SIDE)
-    view = View.of(receivers, camera)
+    view = receivers.view(camera)
     eye = torch.tensor(camera.eye, dtype=receivers.positions.dtype)
     facing = (torch.nn.functional.normalize(eye - receivers.positions, dim=-1) * receivers.normals).sum(1, keepdim=True)
     shading = _AMBIENT + (1 - _AMBIENT) * view.interpolate(facing.clamp_min(0))
@@ -114,8 +115,8 @@ def _drawn(view: View, shading: torch.Tensor | None, colors: torch.Tensor) -> to
 
 def _label_colors(view: View, labels: torch.Tensor) -> torch.Tensor:
     """A color for the label of the corner that is nearest to each pixel; hues step by the golden ratio."""
-    corner = view.barycentrics.argmax(-1, keepdim=True)
-    label = labels.long()[view.corners.gather(-1, corner)[..., 0]]
+    corner = view.weight.argmax(-1, keepdim=True)
+    label = view.framed(labels.long()[view.index.gather(-1, corner)[..., 0]])
     numbers = torch.arange(int(labels.max()) + 1, dtype=torch.float64)
     hsv = torch.stack([(numbers * _GOLDEN) % 1, 0.45 + 0.3 * (numbers % 2), 0.75 + 0.1 * (numbers % 3)], dim=1)
     return torch.from_numpy(hsv_to_rgb(hsv.numpy())).float()[label]
@@ -123,7 +124,7 @@ def _label_colors(view: View, labels: torch.Tensor) -> torch.Tensor:
 
 def _draw_colors(view: View, labels: torch.Tensor) -> torch.Tensor:
     """A color for how often the triangle of each pixel is drawn."""
-    count = draws(labels.long(), view.corners.flatten(0, 1)).view(view.mask.shape)
+    count = view.framed(draws(labels.long(), view.index)).clamp_min(1)
     return torch.tensor([_DRAWN_ONCE, _TWICE, _THRICE])[count - 1]
 
 

@@ -24,7 +24,7 @@ from diffprt.study.mitsuba.bsdf import mitsuba_bsdf
 from diffprt.study.mitsuba.scene import mitsuba_scene, path_trace, start_mitsuba
 from diffprt.study.reference.agreement import agreement, eroded
 from diffprt.study.reference.comparison_sheet import comparison_sheet
-from diffprt.surface import Receivers, View
+from diffprt.surface import Receivers
 from diffprt.surface.surfaces import Surfaces
 from diffprt.transfer import GlossyTransfer, Transfer, bake, bake_glossy
 
@@ -177,10 +177,10 @@ def receiver_pixels(scene: Scene, camera: Camera) -> torch.Tensor:
         surfaces.faces,
     )
     fine = Camera(camera.eye, camera.target, camera.up, camera.fov, camera.width * _SAMPLES, camera.height * _SAMPLES)
-    view = View.of(everything, fine)
+    view = everything.view(fine)
     shown = torch.zeros(len(surfaces.positions), dtype=torch.bool)
     shown[surfaces.faces[(surfaces.source_of_corner >= 0).all(1)].reshape(-1)] = True
-    seen = view.mask & shown[view.corners].all(-1)
+    seen = view.framed(shown[view.index].all(-1))
     return seen.reshape(camera.height, _SAMPLES, camera.width, _SAMPLES).all(3).all(1)
 
 

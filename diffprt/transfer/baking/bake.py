@@ -280,4 +280,4 @@ class _Run:
         counts = {"channels": transfer.channels, "bytes": transfer.nbytes, "bounces": transfer.settings["bounces"]}
         self.report["counts"] |= counts
         plan = {} if self.plan is None else self.plan.as_dict()
-        return replace(transfer, certificate=certificate, plan=plan)
+        return transfer.labeled(replace(transfer.provenance, certificate=certificate, plan=plan))

@@ -12,6 +12,7 @@ from diffprt.errors import InputError
 from diffprt.kernels import TriangleMesh, default_threads
 from diffprt.options.bake import GlossySettings
 from diffprt.progress import Track, timed, untracked
+from diffprt.representation.provenance import Provenance
 from diffprt.scene import Scene
 from diffprt.surface.surfaces import Surfaces
 from diffprt.transfer.baking.estimate import available_memory
@@ -99,7 +100,7 @@ def bake_glossy(
         chunked = ChunkedPasses(shape, settings, key, folder, gradients=gradients, threads=threads, track=track)
         report["counts"] |= chunked.counts
         signal, certificate = _run(passes, settings, chunked, timings)
-    transfer = GlossyTransfer(signal, surfaces.receivers, saved, {}, certificate, scene_hash)
+    transfer = GlossyTransfer(signal, surfaces.receivers, Provenance(saved, {}, certificate, scene_hash))
     per_receiver = settings.rays + settings.bounces * settings.bounce_rays
     report["errors"], report["settings"] = certificate, transfer.settings
     report["counts"] |= {

@@ -2,39 +2,42 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from typing import ClassVar
 
 import torch
 
 from diffprt import sh
 from diffprt.errors import InputError
+from diffprt.representation.lighting import LightingLike
+from diffprt.representation.provenance import Provenance
+from diffprt.representation.spec import Spec, TensorSpec
 from diffprt.surface.receivers import Receivers
+from diffprt.transfer.at_receivers import OPENNESS, DiffuseTransfer
+from diffprt.transfer.light_product import under_light
 
 
 @dataclass(frozen=True)
-class Transfer:
+class Transfer(DiffuseTransfer):
     """Diffuse transfer of every receiver.
 
     Attributes:
         diffuse: float [V, C, K]: cosine times visibility plus interreflection, in SH, without the receiver's
-            own albedo and without 1/pi. C is 1 when nothing colours the light, else 3. May carry gradients.
+            own albedo and without 1/pi. C is 1 when nothing colors the light, else 3. May carry gradients.
         receivers: where the signal lives.
         openness: float32 [V] in [0, 1], cosine-weighted share of the sky that is seen (1 minus ambient occlusion);
             None where it is not known. No gradients.
         bent_normals: float32 [V, 3], unit, cosine-weighted mean of the directions seen, the normal where there are
             none; None where they are not known, as at order 1. No gradients.
-        settings: the options it was made with (plain values).
-        plan: which effects were simulated, and why (plain values).
-        certificate: measured error of the signal (plain values).
-        scene_hash: SHA-256 of the scene it was baked from.
+        provenance: how it was made; `settings`, `plan`, `certificate` and `scene_hash` are read from it.
     """
+
+    name: ClassVar[str] = "transfer"
+    spec: ClassVar[Spec] = {"diffuse": TensorSpec(("V", "C", "K"), per_element=True, trainable=True), **OPENNESS}
 
     diffuse: torch.Tensor
     receivers: Receivers
-    settings: dict = field(default_factory=dict, compare=False)
-    plan: dict = field(default_factory=dict, compare=False)
-    certificate: dict = field(default_factory=dict, compare=False)
-    scene_hash: str = ""
+    provenance: Provenance = field(default_factory=Provenance, compare=False)
     openness: torch.Tensor | None = None
     bent_normals: torch.Tensor | None = None
 
@@ -45,30 +48,23 @@ class Transfer:
                 f"diffuse transfer has shape {shape}: give [{len(self.receivers)} receivers, 1 or 3 channels, order²]"
             )
         sh.order_of_count(shape[2])
-        check_openness(len(self.receivers), self.openness, self.bent_normals)
+        self.check_openness()
 
     @property
     def order(self) -> int:
-        """Number of SH bands n; K = n²."""
         return sh.order_of_count(self.diffuse.shape[2])
 
     @property
     def channels(self) -> int:
-        """1 when nothing colours the light, else 3."""
         return self.diffuse.shape[1]
 
     @property
-    def nbytes(self) -> int:
-        """Bytes of the signal alone."""
-        return self.diffuse.numel() * self.diffuse.element_size()
+    def signal(self) -> torch.Tensor:
+        return self.diffuse
+
+    def exit_radiance(self, lighting: LightingLike) -> torch.Tensor:
+        return under_light(self.diffuse[..., None, :], self.coefficients_of(lighting))
 
     def with_signal(self, diffuse: torch.Tensor) -> Transfer:
         """The same receivers with another signal; the certificate no longer holds and is dropped."""
-        return replace(self, diffuse=diffuse, certificate={})
-
-
-def check_openness(count: int, openness: torch.Tensor | None, bent_normals: torch.Tensor | None) -> None:
-    """Refuses openness and bent normals that are not those of `count` receivers."""
-    for name, tensor, shape in (("openness", openness, (count,)), ("bent_normals", bent_normals, (count, 3))):
-        if tensor is not None and tuple(tensor.shape) != shape:
-            raise InputError(f"transfer has {name} of shape {tuple(tensor.shape)}: give {shape}")
+        return self.with_tensors(diffuse=diffuse)

@@ -13,6 +13,7 @@ from diffprt.errors import InputError, Interrupted
 from diffprt.kernels import TriangleMesh, run_chunks
 from diffprt.options.bake import CONVERGED, BakeSettings
 from diffprt.progress import Track, timed
+from diffprt.representation.provenance import Provenance
 from diffprt.surface.operator import BounceOperator, OperatorRows, StoredOperator
 from diffprt.surface.receivers import Receivers
 from diffprt.surface.sampling import Pattern
@@ -85,6 +86,9 @@ class Transport:
         signal, ended = converge(direct, self.operator, reflectance)
         return self.as_transfer(signal, ended.products, receivers, ended.as_certificate())
 
+    def check_albedo(self) -> None:
+        """Nothing to refuse: the albedo is left out, as of `Transfer`."""
+
     def as_transfer(
         self, signal: torch.Tensor, bounces: int, receivers: Receivers | None = None, findings: dict | None = None
     ) -> Transfer:
@@ -92,10 +96,11 @@ class Transport:
         return Transfer(
             signal.contiguous(),
             receivers or self.receivers,
-            {**self.settings.as_dict(), "bounces": bounces},
-            {},
-            _certificate(signal.detach(), self.error) | self.findings | (findings or {}),
-            self.scene_hash,
+            Provenance(
+                {**self.settings.as_dict(), "bounces": bounces},
+                certificate=_certificate(signal.detach(), self.error) | self.findings | (findings or {}),
+                scene_hash=self.scene_hash,
+            ),
             openness(self.direct),
             bent_normals(self.direct, self.receivers.normals),
         )

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from typing import ClassVar
 
 import torch
 
 from diffprt import sh
 from diffprt.errors import InputError
-from diffprt.sh.frames import tangent_frames
+from diffprt.representation.lighting import LightingLike
+from diffprt.representation.provenance import Provenance
+from diffprt.representation.spec import Spec, TensorSpec
 from diffprt.surface.receivers import Receivers
+from diffprt.transfer.at_receivers import GlossyTransferAtReceivers
+from diffprt.transfer.light_product import under_light
 
 
 @dataclass(frozen=True)
-class GlossyTransfer:
+class GlossyTransfer(GlossyTransferAtReceivers):
     """Glossy transfer of every receiver.
 
     Attributes:
@@ -22,18 +27,15 @@ class GlossyTransfer:
             y(view)ᵀ T L. Defined above the surface. C is 1 when nothing colors the light, else 3. May carry
             gradients.
         receivers: where the signal lives; their albedo plays no part.
-        settings: the options it was made with (plain values).
-        plan: which effects were simulated, and why (plain values).
-        certificate: measured error of the signal (plain values).
-        scene_hash: SHA-256 of the scene it was baked from.
+        provenance: how it was made; `settings`, `plan`, `certificate` and `scene_hash` are read from it.
     """
+
+    name: ClassVar[str] = "glossy_transfer"
+    spec: ClassVar[Spec] = {"glossy": TensorSpec(("V", "C", "K_out", "K"), per_element=True, trainable=True)}
 
     glossy: torch.Tensor
     receivers: Receivers
-    settings: dict = field(default_factory=dict, compare=False)
-    plan: dict = field(default_factory=dict, compare=False)
-    certificate: dict = field(default_factory=dict, compare=False)
-    scene_hash: str = ""
+    provenance: Provenance = field(default_factory=Provenance, compare=False)
 
     def __post_init__(self) -> None:
         shape = tuple(self.glossy.shape)
@@ -47,29 +49,24 @@ class GlossyTransfer:
 
     @property
     def order(self) -> int:
-        """SH bands of incident light; K = order²."""
         return sh.order_of_count(self.glossy.shape[3])
 
     @property
     def order_out(self) -> int:
-        """SH bands of exit radiance."""
         return sh.order_of_count(self.glossy.shape[2])
 
     @property
     def channels(self) -> int:
-        """1 when nothing colors the light, else 3."""
         return self.glossy.shape[1]
 
     @property
-    def nbytes(self) -> int:
-        """Bytes of the signal alone."""
-        return self.glossy.numel() * self.glossy.element_size()
+    def signal(self) -> torch.Tensor:
+        return self.glossy
 
-    @property
-    def frames(self) -> torch.Tensor:
-        """Axes of exit radiance, float32 [V, 3, 3]: columns tangent, bitangent, normal."""
-        return tangent_frames(self.receivers.normals)
+    def exit_radiance(self, lighting: LightingLike) -> torch.Tensor:
+        """Exit radiance in SH on each receiver's own axes, [V, 3, K_out]; gradients reach transfer and light."""
+        return under_light(self.glossy, self.coefficients_of(lighting))
 
     def with_signal(self, glossy: torch.Tensor) -> GlossyTransfer:
         """The same receivers with another signal; the certificate no longer holds and is dropped."""
-        return replace(self, glossy=glossy, certificate={})
+        return self.with_tensors(glossy=glossy)

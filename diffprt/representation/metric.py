@@ -11,49 +11,40 @@ from dataclasses import dataclass
 
 import torch
 
-from diffprt import sh
-from diffprt.compression import GlossyAsset
-
 # Least eigenvalue of G kept, as a share of the largest: coordinates are divided by its root.
 _LEAST = 1e-3
-_DIRECTIONS = 4096
 
 
 @dataclass(frozen=True)
 class Metric:
-    """Scales signals [..., K], or [..., K_out, K] where `outgoing` is given.
+    """Scales signals [..., K], or [..., K_out, K] where `outgoing` is given; leaves them as they are without either.
 
     Attributes:
-        incoming: float32 [K], roots of the light's prior.
+        incoming: float32 [K], roots of the light's prior; None where the signal has no axis of light.
         outgoing: float32 [K_out, K_out], the root of G, symmetric; None for diffuse transfer.
         inverse: of `outgoing`.
     """
 
-    incoming: torch.Tensor
+    incoming: torch.Tensor | None = None
     outgoing: torch.Tensor | None = None
     inverse: torch.Tensor | None = None
 
     @staticmethod
-    def of(asset, prior: torch.Tensor) -> Metric:
-        """The metric for assets of this kind; `prior` [K] is the mean square of each light coefficient."""
+    def of(prior: torch.Tensor, outgoing: torch.Tensor | None = None) -> Metric:
+        """The metric for lights of mean square `prior` [K]; `outgoing` is G [K_out, K_out], where there are rows."""
         incoming = prior.to(torch.float32).sqrt()
-        if not isinstance(asset, GlossyAsset):
+        if outgoing is None:
             return Metric(incoming)
-        index = torch.arange(_DIRECTIONS, dtype=torch.float64) + 0.5
-        # A spiral of directions by falling height, evenly spread over cos dω.
-        height, turn = (1 - index / _DIRECTIONS).sqrt(), index * torch.pi * (1 + 5**0.5)
-        level = (1 - height.square()).sqrt()
-        basis = sh.basis(torch.stack([level * turn.cos(), level * turn.sin(), height], dim=1), asset.order_out)
-        values, axes = torch.linalg.eigh(basis.T @ basis / _DIRECTIONS)
+        values, axes = torch.linalg.eigh(outgoing)
         root = values.clamp_min(_LEAST * float(values.max())).sqrt()
         return Metric(incoming, ((axes * root) @ axes.T).float(), ((axes / root) @ axes.T).float())
 
     def scale(self, signal: torch.Tensor) -> torch.Tensor:
         """A signal in these coordinates; gradients reach it."""
-        scaled = signal * self.incoming.to(signal.dtype)
+        scaled = signal if self.incoming is None else signal * self.incoming.to(signal.dtype)
         return scaled if self.outgoing is None else self.outgoing.to(signal.dtype) @ scaled
 
     def unscale(self, scaled: torch.Tensor) -> torch.Tensor:
         """What `scale` was given."""
-        signal = scaled / self.incoming.to(scaled.dtype)
+        signal = scaled if self.incoming is None else scaled / self.incoming.to(scaled.dtype)
         return signal if self.inverse is None else self.inverse.to(scaled.dtype) @ signal

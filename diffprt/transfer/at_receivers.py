@@ -1,0 +1,151 @@
+"""Transfer at the receivers of a mesh, plain or clustered: what it shares, and what is seen of it."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from dataclasses import replace
+from typing import ClassVar, Self
+
+import torch
+
+from diffprt.brdf import hemisphere_gram
+from diffprt.errors import InputError
+from diffprt.representation.elements import Elements
+from diffprt.representation.interface import Representation
+from diffprt.representation.lighting import Lighting, LightingLike
+from diffprt.representation.lit import ConstantBasis, Lit
+from diffprt.representation.metric import Metric
+from diffprt.representation.provenance import Provenance
+from diffprt.representation.spec import Spec, TensorSpec
+from diffprt.sh.frames import tangent_frames
+from diffprt.surface.receivers import Receivers
+from diffprt.transfer.glossy.mirrored import MirroredBasis, mirrored
+
+OPENNESS: Spec = {
+    "openness": TensorSpec(("V",), ("float32",), per_element=True, optional=True),
+    "bent_normals": TensorSpec(("V", 3), ("float32",), per_element=True, optional=True),
+}
+
+
+class TransferAtReceivers(Representation):
+    """Answers to distant light with a signal for each receiver.
+
+    Attributes:
+        receivers: where the signal lives.
+    """
+
+    elements_type: ClassVar[type[Elements]] = Receivers
+    receivers: Receivers
+
+    @property
+    def elements(self) -> Receivers:
+        return self.receivers
+
+    def with_elements(self, elements: Elements, **tensors: torch.Tensor) -> Self:
+        return replace(self, receivers=elements, **tensors)  # type: ignore[type-var]
+
+    @classmethod
+    def restored(cls, tensors: dict[str, torch.Tensor], elements: Elements, provenance: Provenance) -> Self:
+        return cls(**tensors, receivers=elements, provenance=provenance)
+
+    @property
+    @abstractmethod
+    def order(self) -> int:
+        """SH bands of incident light n; K = n²."""
+
+    @property
+    @abstractmethod
+    def channels(self) -> int:
+        """1 when nothing colors the light, else 3."""
+
+    @abstractmethod
+    def exit_radiance(self, lighting: LightingLike) -> torch.Tensor:
+        """What leaves each receiver under a light, [V, 3, K_out]; gradients reach signal and light."""
+
+    @property
+    def beside_signal(self) -> dict[str, torch.Tensor]:
+        """What it knows of its receivers that is no part of the signal."""
+        return {}
+
+    @property
+    def picture_weights(self) -> torch.Tensor:
+        """What errors of the signal are multiplied by in pictures, [] or [V, C, 1]; one channel serves three colors,
+        whose squared errors add up."""
+        return torch.ones(())
+
+    def coefficients_of(self, lighting: LightingLike) -> torch.Tensor:
+        """The distant light [K, 3]; raises InputError where there is other light, or of another order."""
+        return Lighting.of(lighting).coefficients(self.order, type(self).__name__)
+
+
+class DiffuseTransfer(TransferAtReceivers):
+    """Looks the same from everywhere; the signal leaves out the receivers' albedo, and 1/pi."""
+
+    description: ClassVar[str] = "cosine times visibility plus interreflection, without own albedo and 1/pi"
+    openness: torch.Tensor | None
+    bent_normals: torch.Tensor | None
+
+    def lit(self, lighting: LightingLike, *, albedo: torch.Tensor | None = None) -> Lit:
+        """Radiance as albedo / pi times transfer dot light, constant in the eye. Gradients reach transfer (or means,
+        bases and weights), light and albedo."""
+        irradiance = self.exit_radiance(lighting)[..., 0]
+        albedo = self.receivers.albedo if albedo is None else albedo
+        return Lit((albedo.to(irradiance.dtype) / math.pi * irradiance)[..., None], ConstantBasis())
+
+    def check_albedo(self) -> None:
+        pass
+
+    def metric(self, prior: torch.Tensor) -> Metric:
+        return Metric.of(prior)
+
+    @property
+    def picture_weights(self) -> torch.Tensor:
+        albedo = self.receivers.albedo.detach()
+        if self.channels == 1:
+            albedo = albedo.square().mean(1, keepdim=True).sqrt()
+        return albedo[..., None]
+
+    @property
+    def beside_signal(self) -> dict[str, torch.Tensor]:
+        return {name: value for name in OPENNESS if (value := getattr(self, name)) is not None}
+
+    def check_openness(self) -> None:
+        """Refuses openness and bent normals that are not those of the receivers."""
+        count = len(self.receivers)
+        for name, shape in (("openness", (count,)), ("bent_normals", (count, 3))):
+            tensor = getattr(self, name)
+            if tensor is not None and tuple(tensor.shape) != shape:
+                raise InputError(f"transfer has {name} of shape {tuple(tensor.shape)}: give {shape}")
+
+
+class GlossyTransferAtReceivers(TransferAtReceivers):
+    """Looks different from everywhere; reflectance is inside the signal."""
+
+    description: ClassVar[str] = (
+        "light on the scene's axes to exit radiance on the receiver's own (z the normal, tangent by Duff et al. 2017), "
+        "BRDF and cosine included"
+    )
+
+    @property
+    @abstractmethod
+    def order_out(self) -> int:
+        """SH bands of exit radiance."""
+
+    @property
+    def frames(self) -> torch.Tensor:
+        """Axes of exit radiance, float32 [V, 3, 3]: columns tangent, bitangent, normal."""
+        return tangent_frames(self.receivers.normals)
+
+    def check_albedo(self) -> None:
+        raise InputError("a glossy asset has its reflectance inside: leave albedo out, or bake with another brdf")
+
+    def lit(self, lighting: LightingLike, *, albedo: torch.Tensor | None = None) -> Lit:
+        """Exit radiance by mirrored direction: see `diffprt.transfer.glossy.mirrored`. Gradients reach transfer (or
+        means, bases and weights) and light."""
+        if albedo is not None:
+            self.check_albedo()
+        return Lit(mirrored(self.exit_radiance(lighting), self.frames), MirroredBasis(self.order_out))
+
+    def metric(self, prior: torch.Tensor) -> Metric:
+        return Metric.of(prior, hemisphere_gram(self.order_out, cosine=True) / math.pi)
