@@ -18,6 +18,9 @@ test-all: .venv/installed
 lint: .venv/installed
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	mkdir -p build/types/diffprt
+	ln -sfn ../../../kernels build/types/diffprt/kernels
+	$(BIN)/basedpyright --pythonpath $(BIN)/python
 
 notebooks: .venv/installed
 	$(BIN)/python -m pytest tests/notebooks

@@ -46,7 +46,7 @@ def _no_native_stderr() -> Iterator[None]:
         os.close(null)
 
 
-def compile_kernels(*kernels: wp.Kernel) -> None:
+def compile_kernels(*kernels: wp.Kernel | Callable) -> None:
     """Compiles the modules of `kernels` for the CPU, from one thread: seconds when new, then cached on disk."""
     start()
     with _lock:

@@ -78,7 +78,7 @@ def _lobe_blocks(brdf: Brdf, order_out: int, order_in: int, exit_cosine: bool, n
     around = torch.where(m == 0, 2 * math.pi, math.pi).double()
     exit_factor = exit_weight * exit_angle.sin() * (exit_angle.cos() if exit_cosine else 1.0)
     exit_rows = exit_rows * exit_factor[:, None, None] * around[:, None]
-    total = 0.0
+    total = torch.zeros(())
     for rows in torch.arange(nodes).split(max(1, _EVALUATIONS // nodes**2)):
         outgoing = torch.stack([exit_angle.sin(), torch.zeros_like(exit_angle), exit_angle.cos()], -1)[rows]
         theta, phi = angle[rows][:, :, None], turn[rows][:, None, :]

@@ -34,7 +34,8 @@ def westin_matrix(
     Raises:
         InputError: an order out of range, fewer than 2 samples.
     """
-    check_order(order_out), check_order(order_in)
+    for order in (order_out, order_in):
+        check_order(order)
     if samples < 2:
         raise InputError(f"samples is {samples}: give 2 or more")
     shape = brdf.channels, order_out**2, order_in**2

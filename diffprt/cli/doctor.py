@@ -66,8 +66,10 @@ def openexr_version() -> str:
     """The OpenEXR that OpenImageIO carries: what reads an EXR file that came from somewhere."""
     import OpenImageIO
 
-    formats = dict(entry.partition(":")[::2] for entry in OpenImageIO.get_string_attribute("library_list").split(";"))
-    return formats.get("openexr", "not built in").removeprefix("OpenEXR ")
+    for entry in OpenImageIO.get_string_attribute("library_list").split(";"):
+        if entry.startswith("openexr:"):
+            return entry.removeprefix("openexr:OpenEXR ")
+    return "not built in"
 
 
 def _rays_per_second() -> float:

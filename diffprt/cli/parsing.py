@@ -19,7 +19,8 @@ def parse_color(text: str, name: str) -> tuple[float, float, float]:
         values = []
     if len(values) not in (1, 3) or not all(math.isfinite(v) for v in values):
         raise InputError(f"{name} is '{text}': give one number or three, such as 0.8 or 0.8,0.7,0.6")
-    return tuple(values * (3 // len(values)))
+    red, green, blue = values * (3 // len(values))
+    return red, green, blue
 
 
 def parse_number(text: str, name: str) -> float:

@@ -83,7 +83,7 @@ def recover_albedo(
     """
     check_albedo_options(asset, groups, variation, noise)
     observations = observe(asset.receivers, references, lit=True, threads=threads)
-    lights = [o.light for o in observations]
+    lights = [o.light for o in observations if o.light is not None]
     follows = isinstance(asset, Transport)
     albedo, level = asset.receivers.albedo.detach(), FIRST_NOISE if noise is None else noise
     for turn in range(1, (_TURNS if follows else 2) + 1):
@@ -141,7 +141,7 @@ def _unit_radiance(transfer, observation: Observation, light: torch.Tensor, chan
     return radiance[:, channel].double().numpy()
 
 
-def check_albedo_options(asset, groups: torch.Tensor | None, variation: float, noise: float) -> None:
+def check_albedo_options(asset, groups: torch.Tensor | None, variation: float, noise: float | None) -> None:
     asset.check_albedo()
     for name, value in (("variation", variation), ("noise", noise)):
         if value is not None and not value > 0:

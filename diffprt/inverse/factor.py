@@ -35,7 +35,7 @@ def factored_lights(
     lights, receivers = radiance.shape
     count = transfer.shape[1]
     _, group = groups.unique(return_inverse=True)
-    albedo = torch.ones(receivers, dtype=torch.float64)
+    found = errors = scale = albedo = torch.ones(receivers, dtype=torch.float64)
     for _ in range(_REWEIGHTINGS):
         weight = weights * albedo**2
         own = torch.block_diag(*(transfer.T @ (row[:, None] * transfer) for row in weight)) / math.pi**2

@@ -105,7 +105,7 @@ def recover_light_and_albedo(
     order = transfer.order if order is None else order
     known = groups if groups is not None else torch.arange(count)
     sent = [_sent(transfer, own, noise or FIRST_NOISE) for own in sets]
-    rows = patch if patch is not None else (sum(told for _, told in sent) > 0).nonzero()[:, 0]
+    rows = patch if patch is not None else (torch.stack([told for _, told in sent]).sum(0) > 0).nonzero()[:, 0]
     albedo = anchor.expand(count, 3)
     for turns in range(1, _TURNS + 1):  # noqa: B007
         lights, relative, mismatch, next_best = _factored(transfer, sent, known, order)

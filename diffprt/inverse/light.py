@@ -115,8 +115,10 @@ def light_from(
     count, power = order * order, sum(o.power for o in observations)
     values = 3 * sum(len(o.radiance) for o in observations)
     designs = [design_matrix(asset, o, order, albedo=albedo) for o in observations]
-    normal = sum(torch.einsum("nkc,njc->ckj", a, a) for a in designs)
-    right = sum(torch.einsum("nkc,nc->ck", a, o.radiance) for a, o in zip(designs, observations, strict=True))
+    normal = right = torch.zeros(())
+    for a, o in zip(designs, observations, strict=True):
+        normal = normal + torch.einsum("nkc,njc->ckj", a, a)
+        right = right + torch.einsum("nkc,nc->ck", a, o.radiance)
     scale = torch.linalg.eigvalsh(normal)[:, -1]
     if not bool((scale > 0).all()):
         raise InputError(

@@ -7,6 +7,7 @@ from pathlib import Path
 import torch
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 
 def contact_sheet(path: str | Path, pictures: list[list[torch.Tensor]], columns: list[str], rows: list[str]) -> None:
@@ -16,10 +17,9 @@ def contact_sheet(path: str | Path, pictures: list[list[torch.Tensor]], columns:
     figure = Figure(
         figsize=(side * len(columns), side * height / width * len(rows) + 0.35),
         dpi=width / side,
-        layout="constrained",
+        layout=ConstrainedLayoutEngine(w_pad=0.02, h_pad=0.02, hspace=0.0, wspace=0.0),
     )
     FigureCanvasAgg(figure)
-    figure.get_layout_engine().set(w_pad=0.02, h_pad=0.02, hspace=0.0, wspace=0.0)
     axes = figure.subplots(len(rows), len(columns), squeeze=False)
     for row, name in enumerate(rows):
         for column, title in enumerate(columns):

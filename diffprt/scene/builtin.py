@@ -6,6 +6,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from diffprt.errors import InputError
 from diffprt.scene.ground import grid_faces
@@ -39,7 +40,7 @@ def _bunny(subdivisions: int) -> Built:
     from diffprt.scene.usd import read_usd
 
     package = find_spec("warp")
-    folder = Path(next(iter(package.submodule_search_locations))) if package else Path()
+    folder = Path(next(iter(package.submodule_search_locations or ()))) if package else Path()
     path = folder / "examples" / "assets" / "bunny.usd"
     if not path.is_file():
         raise InputError(f"built-in scene 'bunny' needs {path}: install warp-lang from PyPI, or load a mesh file")
@@ -111,7 +112,9 @@ def _wall_and_floor(subdivisions: int, size: float = 1e4) -> Built:
     return meshes, (Material(0.5, name="floor"), Material(0.5, name="wall"))
 
 
-def _patch(corner: tuple, along: tuple, across: tuple, cells: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _patch(
+    corner: ArrayLike, along: ArrayLike, across: ArrayLike, cells: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """A grid of cells² quads from `corner` over the edges `along` and `across`; it faces along x across."""
     corner, along, across = (np.asarray(x, dtype=np.float64) for x in (corner, along, across))
     step = np.linspace(0, 1, cells + 1)

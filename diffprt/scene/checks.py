@@ -142,7 +142,7 @@ def check_mesh(
             f"mesh '{name}' has {outside} out-of-range indices ({faces.min()}..{faces.max()}, wanted "
             f"0..{len(positions) - 1}): repair the file"
         )
-    broken = ~np.isfinite(positions).all(axis=1)
+    broken = np.asarray(~np.isfinite(positions).all(axis=1))
     found["non_finite_vertices"] = int(broken.sum())
     if broken.any():
         if non_finite == "refuse":
@@ -242,7 +242,8 @@ def _checked_normals(
         against &= ~turned
     referenced = np.zeros(len(positions), dtype=bool)
     referenced[faces] = True
-    face_normals = np.cross(*(positions[faces[:, i]].astype(np.float64) - positions[faces[:, 0]] for i in (1, 2)))
+    sides = (positions[faces[:, i]].astype(np.float64) - positions[faces[:, 0]] for i in (1, 2))
+    face_normals = np.cross(next(sides), next(sides))
     for corner in range(3):
         agrees = np.einsum("fi,fi->f", face_normals, normals[faces[:, corner]]) > 0
         against[faces[agrees, corner]] = False

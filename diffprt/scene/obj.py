@@ -84,10 +84,11 @@ def read_obj(path: Path) -> Parts:
 def _corner(token: str, counts: tuple[int, int, int]) -> tuple[int, int, int]:
     """Zero-based (v, vt, vn) of a face corner, -1 where left out; negative numbers count from the last."""
     fields = (token.split("/") + ["", ""])[:3]
-    return tuple(
+    vertex, texture, normal = (
         -1 if not field else (int(field) - 1 if field[0] != "-" else count + int(field))
         for field, count in zip(fields, counts, strict=True)
     )
+    return vertex, texture, normal
 
 
 def _check_range(corners: np.ndarray, counts: tuple[int, int, int], path: Path) -> None:

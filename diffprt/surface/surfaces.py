@@ -40,7 +40,8 @@ class Surfaces:
         geometry = scene.merged()
         if len(geometry.faces) == 0:
             raise InputError(f"scene '{scene.name}' has no triangles: load a mesh with faces")
-        offset_remark(*scene.bounds.numpy(), scene.name)
+        low, high = scene.bounds.numpy()
+        offset_remark(low, high, scene.name)
         seen = torch.tensor([not mesh.occluder_only for mesh in scene.meshes])
         receives = seen[geometry.mesh_of_vertex.long()]
         index = torch.where(receives, receives.long().cumsum(0) - 1, -1)

@@ -106,8 +106,9 @@ def _print_overdraw_rows(rows: list[dict]) -> None:
         for name, row in zip(names, rows, strict=True)
     ]
     printed = thesis_table(some["scene"], some["brdf"], some["clusters"])
-    for line in printed.rows if printed else ():
-        share = line.squared_error / printed.rows[0].squared_error
+    lines = printed.rows if printed else []
+    for line in lines:
+        share = line.squared_error / lines[0].squared_error
         cells = [f"{line.seconds}", f"{line.overdraw:.3f}", f"{line.squared_error:.4g}", f"{share:.3f}", "-", "-"]
         table.append([f"thesis: {line.method}", *cells])
     channels = ", RGB" if some["channels"] == 3 else ""

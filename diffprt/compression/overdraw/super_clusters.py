@@ -88,7 +88,7 @@ def super_clusters(
         groups = _greedy(torch.bincount(labels, minlength=clusters), mixed, per_pass)
     if selection == "search":
         groups = _search(groups, mixed, per_pass)
-    groups = groups.unique(return_inverse=True)[1]
+    groups = torch.unique(groups, return_inverse=True)[1]
     return SuperClusters(groups, int(groups.max()) + 1, overdraw(groups[labels], faces))
 
 

@@ -38,7 +38,7 @@ class Packed:
     programs: tuple[str, ...]
     geometry: dict[str, np.ndarray]
     signal: dict[str, np.ndarray]
-    numbers: dict[str, int]
+    numbers: dict[str, int | list[float]]
     facts: dict[str, int | float]
     equation: str = ""
     tables: tuple[str, ...] = ()

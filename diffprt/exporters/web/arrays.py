@@ -22,7 +22,7 @@ class ArrayStore:
 
     def add(self, name: str, array: np.ndarray, part: str = "signal") -> str:
         """The array's name in the page."""
-        key = (name, array.dtype.str, array.shape, hashlib.sha256(np.ascontiguousarray(array)).digest())
+        key = (name, array.dtype.str, array.shape, hashlib.sha256(np.ascontiguousarray(array).data).digest())
         if key not in self._known:
             held = self._known[key] = name if name not in self.forms else f"{name}.{len(self.forms)}"
             stored = compact(name, array)

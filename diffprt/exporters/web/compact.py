@@ -54,7 +54,7 @@ def compact(name: str, array: np.ndarray) -> Compact:
         codes, form = _halves(rows)
     form |= {"code": codes.dtype.name, "rows": codes.shape[0], "width": codes.shape[1]}
     if name in _COHERENT:
-        form["differences"] = True
+        form = form | {"differences": True}
         codes = np.diff(codes, axis=0, prepend=np.zeros_like(codes[:1]))  # modulo the code's size
     planes = np.ascontiguousarray(codes.T).astype(codes.dtype.newbyteorder("<")).view(np.uint8)
     planes = np.ascontiguousarray(planes.reshape(-1, codes.dtype.itemsize).T)

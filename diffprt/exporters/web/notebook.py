@@ -110,6 +110,7 @@ def _widget_class() -> type:
         @property
         def camera(self) -> Camera:
             """The reader's view."""
-            return Camera(tuple(self.eye), tuple(self.target))
+            (x, y, z), (u, v, w) = self.eye, self.target
+            return Camera((x, y, z), (u, v, w))
 
     return PageWidget

@@ -11,6 +11,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
+from typing import Any
 
 import torch
 
@@ -205,7 +206,7 @@ def _entry(folder: Path, row: dict) -> Reference:
     return Reference(image, camera, light)
 
 
-def _plain(value: object) -> object:
+def _plain(value: Any) -> Any:
     """A camera's entry as its type: tuples of numbers, or a finite number."""
     numbers = value if isinstance(value, list) else [value]
     if not all(isinstance(x, int | float) and math.isfinite(x) for x in numbers):

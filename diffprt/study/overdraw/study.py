@@ -159,7 +159,7 @@ class _Bench:
     def of(self, cell: _Cell) -> tuple[Signal, HeldOut]:
         """Of a cell, baked where it is new."""
         key = cell.signal.key(cell.scene)
-        if key != self._key:
+        if self._held is None or key != self._key:
             self._held = None
             signal = load_signal(cell.scene, cell.signal, self._folder)
             self._key, self._held = key, (signal, HeldOut(signal, self._lights))
