@@ -5,42 +5,29 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import typer
 
-from diffprt.brdf import parse_brdf
+from diffprt.cli.from_options import from_options
 from diffprt.cli.glossy import bake_glossy_scene, refuse_with_brdf
-from diffprt.cli.inputs import load_light, load_scene, parse_bounces
-from diffprt.cli.report import JsonFile, check_output, print_table, size_text, write_report
+from diffprt.cli.outputs import JsonFile, check_ending, check_output, write_report
+from diffprt.cli.parsing import parse_bounces
+from diffprt.cli.tables import print_table, size_text
 from diffprt.errors import InputError
-from diffprt.options.bake import CONVERGED, OPERATORS, BakeOptions, BakeSettings, GlossySettings
-from diffprt.planning import plan
+from diffprt.options.bake import CONVERGED, BakeOptions, BakeSettings, GlossySettings
 from diffprt.progress import status, track
-from diffprt.representation import files as assets
-from diffprt.transfer import (
-    Estimate,
-    SamplingRate,
-    available_memory,
-    bake,
-    check_memory,
-    check_time,
-    choose_rays,
-    discard_chunks,
-    estimate_bake,
-)
+
+if TYPE_CHECKING:
+    from diffprt.transfer import Estimate, SamplingRate
 
 
+@from_options(BakeOptions, bounces=parse_bounces)
 def run(
     source: str = typer.Argument(
         ..., metavar="SCENE", help="A .glb, .gltf, .obj, .ply, .stl or .usd file, or builtin:NAME."
     ),
     output: Path = typer.Option(Path("asset.prt"), "-o", "--output", help="The asset to write (.prt)."),
-    quality: str = typer.Option("good", help="draft, good or best: sets order, rays and bounces."),
-    order: int = typer.Option(None, help="SH bands, 1 to 10."),
-    rays: int = typer.Option(None, help="Rays per receiver."),
-    bounces: str = typer.Option(None, help="Interreflections: a number, or converged for all of them."),
-    tolerance: float = typer.Option(None, help="Instead of rays: the relative error that sampling may leave."),
-    seconds: float = typer.Option(None, help="Instead of rays: about how long this machine may work."),
     planned: str = typer.Option(
         "off", "--plan", help="off; on: simulate what the scene calls for; or the light (sky, a map) it is for."
     ),
@@ -49,9 +36,6 @@ def run(
         help="Makes surfaces glossy: NAME:KEY=VALUE,..., such as phong:exponent=16,specular=0.5; lambert, phong, "
         "modified-phong, cook-torrance or ggx. One for all, or repeated, one per material.",
     ),
-    order_out: int = typer.Option(None, help="With --brdf: SH bands of exit radiance, 1 to 10; --order by default."),
-    seed: int = typer.Option(0, help="Turns the sample patterns."),
-    threads: int = typer.Option(None, help="CPU threads; all by default."),
     albedo: str = typer.Option(None, help="Replaces every albedo: 0.8 or r,g,b."),
     up: str = typer.Option(None, help="The axis of the file that points up: x, y, z or -x, -y, -z; y by default."),
     ground: bool = typer.Option(False, help="Add a ground that catches shadows."),
@@ -59,32 +43,38 @@ def run(
     non_finite: str = typer.Option("refuse", help="refuse, or drop: what to do with NaN vertices."),
     winding: str = typer.Option("repair", help="repair, or keep: for rooms that are seen from within."),
     recenter: bool = typer.Option(False, help="Move the scene to the origin before its coordinates are rounded."),
-    fill_inside: bool = typer.Option(True, help="Fill receivers inside geometry from their neighbors outside."),
-    operator: str = typer.Option(
-        "auto", help="stored: keep what rays hit for the bounces; recompute: trace again for each; auto: what fits."
-    ),
-    hours: float = typer.Option(1.0, help="Refuse a bake that is expected to take longer; --seconds takes precedence."),
     dry_run: bool = typer.Option(False, help="Print expected time, memory and bytes; do nothing."),
     json_file: Path = JsonFile,
+    *,
+    options: BakeOptions,
 ) -> None:
-    asked = parse_bounces(bounces)
-    settings = BakeOptions(quality=quality, order=order, rays=rays, bounces=asked, seed=seed).settings()
-    if operator not in OPERATORS:
-        raise InputError(f"operator is '{operator}': use one of {', '.join(OPERATORS)}")
-    if threads is not None and threads < 1:
-        raise InputError(f"threads is {threads}: give 1 or more")
-    if output.suffix != ".prt":
-        raise InputError(f"output {output} has ending '{output.suffix}': give a .prt file")
+    from diffprt.brdf import parse_brdf
+    from diffprt.cli.scenes import load_light, load_scene
+    from diffprt.planning import plan
+    from diffprt.representation import files as assets
+    from diffprt.transfer import (
+        available_memory,
+        bake,
+        check_memory,
+        check_time,
+        choose_rays,
+        discard_chunks,
+        estimate_bake,
+    )
+
+    check_ending(output, ".prt")
+    threads, seconds = options.threads, options.seconds
     glossy = [parse_brdf(text) for text in brdf]
     if glossy:
-        own = {"--tolerance": tolerance, "--seconds": seconds, "--albedo": albedo}
+        own = {"--tolerance": options.tolerance, "--seconds": seconds, "--albedo": albedo}
         refuse_with_brdf(
             {option: value is not None for option, value in own.items()}
-            | {"--plan": planned != "off", "--operator": operator != "auto"}
+            | {"--plan": planned != "off", "--operator": options.operator != "auto"}
         )
-        settings = GlossySettings(**settings.as_dict(), order_out=order_out)
-    elif order_out is not None:
-        raise InputError("--order-out is given without --brdf: exit radiance has bands where surfaces are glossy")
+    elif given := [name for name in ("order_out", "bounce_rays") if vars(options)[name] is not None]:
+        option = given[0].replace("_", "-")
+        raise InputError(f"--{option} is given without --brdf: exit radiance has bands where surfaces are glossy")
+    settings = options.settings(GlossySettings if glossy else BakeSettings)
     scene = load_scene(
         source,
         albedo=albedo,
@@ -98,23 +88,16 @@ def run(
     for line in scene.defects.lines():
         print(f"note: {line}")
     if glossy:
+        paths = {"output": output, "json_file": json_file}
         bake_glossy_scene(
-            scene,
-            source,
-            glossy,
-            settings,
-            output,
-            threads=threads,
-            hours=hours,
-            dry_run=dry_run,
-            json_file=json_file,
+            scene, source, glossy, settings, **paths, threads=threads, hours=options.hours, dry_run=dry_run
         )
         return
     decided = None
     if planned != "off":
         with status("planning"):
             light = None if planned == "on" else load_light(planned, 10)
-            decided = plan(scene, tolerance or 0.01, light=light, order=order, bounces=asked)
+            decided = plan(scene, options.tolerance or 0.01, light=light, order=options.order, bounces=options.bounces)
         for line in decided.lines():
             print(line)
         settings = replace(settings, order=decided.order.value, bounces=decided.bounces.value)
@@ -123,15 +106,15 @@ def run(
         # Where a plan proves that nothing is shadowed, no ray will be traced and none need be chosen.
         if decided is None or decided.shadows.value:
             settings, rate = choose_rays(
-                scene, settings, rays=rays, tolerance=tolerance, seconds=seconds, threads=threads
+                scene, settings, rays=options.rays, tolerance=options.tolerance, seconds=seconds, threads=threads
             )
-        estimate = estimate_bake(scene, settings, operator=operator, threads=threads)
+        estimate = estimate_bake(scene, settings, operator=options.operator, threads=threads)
     if dry_run:
         _print_estimate(source, settings, estimate, rate, json_file)
         return
     check_memory(estimate, settings, available_memory())
     if seconds is None:
-        check_time(estimate, hours)
+        check_time(estimate, options.hours)
     check_output(output)
     parts = output.with_name(output.name + ".parts")
     report: dict = {}
@@ -140,7 +123,7 @@ def run(
         **settings.as_dict(),
         sampling=rate,
         plan=decided,
-        fill_inside=fill_inside,
+        fill_inside=options.fill_inside,
         operator=estimate.operator,
         hours=math.inf,
         threads=threads,
@@ -158,7 +141,7 @@ def run(
             f"{counts['recomputed_in_flight']} in flight were recomputed"
         )
     if errors.get("receivers_inside"):
-        print(f"note: {errors['receivers_inside']:,} receivers lie inside geometry" + ", filled" * fill_inside)
+        print(f"note: {errors['receivers_inside']:,} receivers lie inside geometry" + ", filled" * options.fill_inside)
     print(
         f"{output}: {len(transfer.receivers):,} receivers, order {transfer.order}, {settings.rays} rays, "
         f"{size_text(size)}{_error_text(errors)}"

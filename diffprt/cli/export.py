@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import time
-from dataclasses import MISSING, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import typer
 
+from diffprt.cli.from_options import field_option
 from diffprt.cli.outputs import JsonFile, check_output, write_report
 from diffprt.cli.tables import size_text
 from diffprt.errors import InputError
@@ -17,26 +17,18 @@ from diffprt.options import ExportOptions
 if TYPE_CHECKING:
     from diffprt.scene import Light
 
-_FIELDS = {entry.name: entry for entry in fields(ExportOptions)}
-
-
-def _told(name: str, default: Any = None, **shown: Any) -> Any:
-    """An option of the page, as `ExportOptions` describes it."""
-    entry = _FIELDS[name]
-    return typer.Option(default if entry.default is MISSING else entry.default, help=entry.metadata["help"], **shown)
-
 
 def run(
     source: Path = typer.Argument(..., metavar="ASSET", help="A .prt file."),
     output: Path = typer.Option(Path("page"), "-o", "--output", help="The folder to write index.html into."),
     light: list[str] = typer.Option(["sky", "studio"], help="sky, studio, constant or a map; may be repeated."),
     window: str = typer.Option("hann", help="none, hann, lanczos or auto: trades contrast for less ringing."),
-    curve: str = _told("curve"),
-    title: str = _told("title"),
-    registers: int = _told("registers"),
-    uncompressed: Path = _told("uncompressed"),
-    before: Path = _told("before"),
-    versions: list[str] = _told("versions", [], metavar="NAME=FILE"),
+    curve: str = field_option(ExportOptions, "curve"),
+    title: str = field_option(ExportOptions, "title"),
+    registers: int = field_option(ExportOptions, "registers"),
+    uncompressed: Path = field_option(ExportOptions, "uncompressed"),
+    before: Path = field_option(ExportOptions, "before"),
+    versions: list[str] = field_option(ExportOptions, "versions", default=[], metavar="NAME=FILE"),
     glb: bool = typer.Option(False, "--glb", help="Also scene.glb, and prt.three.js with an example that shows it."),
     shaders: bool = typer.Option(False, "--shaders", help="Also its shaders as GLSL, GLSL ES, HLSL and WGSL."),
     json_file: Path = JsonFile,

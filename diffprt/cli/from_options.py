@@ -4,34 +4,40 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable
-from dataclasses import fields
+from dataclasses import MISSING, fields
 from typing import Any, get_type_hints
 
 import typer
 
+Parser = Callable[[str | None], Any]
 
-def from_options(kind: type) -> Callable[[Callable[..., None]], Callable[..., None]]:
+
+def field_option(kind: type, name: str, **shown: Any) -> Any:
+    """The option of one field of `kind`, with its default, where it is a plain one, and its help."""
+    entry = next(entry for entry in fields(kind) if entry.name == name)
+    default = shown.pop("default", None if entry.default is MISSING else entry.default)
+    return typer.Option(default, help=entry.metadata["help"], **shown)
+
+
+def from_options(kind: type, **parsers: Parser) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Gives a command an option for every field of `kind` that has a help text; the command gets `options`, a `kind`.
 
-    They stand after the command's own, but before `json_file`. Fields without a help text keep their defaults.
+    They stand after the command's own, but before `json_file`. Fields without a help text keep their defaults, those
+    of several types are text that one of `parsers` reads.
     """
-    shown = {entry.name: entry for entry in fields(kind) if "help" in entry.metadata}
-    types = get_type_hints(kind)
+    shown = [entry.name for entry in fields(kind) if "help" in entry.metadata]
+    types = get_type_hints(kind) | dict.fromkeys(parsers, str | None)
 
     def decorate(run: Callable[..., None]) -> Callable[..., None]:
         def command(**given: Any) -> None:
-            own = {name: value for name, value in given.items() if name not in shown}
-            run(options=kind(**{name: given[name] for name in shown}), **own)
+            asked = {name: given.pop(name) for name in shown}
+            asked |= {name: parse(asked[name]) for name, parse in parsers.items()}
+            run(options=kind(**asked), **given)
 
         own = [p for p in inspect.signature(run, eval_str=True).parameters.values() if p.name != "options"]
         added = [
-            inspect.Parameter(
-                name,
-                inspect.Parameter.POSITIONAL_OR_KEYWORD,
-                default=typer.Option(entry.default, help=entry.metadata["help"]),
-                annotation=types[name],
-            )
-            for name, entry in shown.items()
+            inspect.Parameter(name, own[0].kind, default=field_option(kind, name), annotation=types[name])
+            for name in shown
         ]
         command.__doc__ = run.__doc__
         parameters = [*own[:-1], *added, own[-1]]

@@ -4,23 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from diffprt.brdf import Brdf
-from diffprt.cli.report import check_output, print_table, size_text, write_report
+from diffprt.cli.outputs import check_output, write_report
+from diffprt.cli.tables import print_table, size_text
 from diffprt.errors import InputError
 from diffprt.options.bake import GlossySettings
 from diffprt.progress import status, track
-from diffprt.representation import files as assets
-from diffprt.scene import Scene
-from diffprt.transfer import (
-    GlossyEstimate,
-    available_memory,
-    bake_glossy,
-    check_glossy_memory,
-    check_glossy_time,
-    discard_chunks,
-    estimate_glossy,
-)
+
+if TYPE_CHECKING:
+    from diffprt.brdf import Brdf
+    from diffprt.scene import Scene
+    from diffprt.transfer import GlossyEstimate
 
 
 def refuse_with_brdf(given: dict[str, bool]) -> None:
@@ -35,14 +30,24 @@ def bake_glossy_scene(
     source: str,
     brdf: Sequence[Brdf],
     settings: GlossySettings,
-    output: Path,
     *,
+    output: Path,
     threads: int | None,
     hours: float,
     dry_run: bool,
     json_file: Path | None,
 ) -> None:
     """Estimates, bakes, saves and reports."""
+    from diffprt.representation import files as assets
+    from diffprt.transfer import (
+        available_memory,
+        bake_glossy,
+        check_glossy_memory,
+        check_glossy_time,
+        discard_chunks,
+        estimate_glossy,
+    )
+
     given = brdf[0] if len(brdf) == 1 else brdf
     with status("trying a few rays"):
         estimate = estimate_glossy(scene, given, settings, threads=threads)

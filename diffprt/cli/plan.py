@@ -8,9 +8,8 @@ from pathlib import Path
 
 import typer
 
-from diffprt.cli.inputs import load_light, load_scene, parse_bounces
-from diffprt.cli.report import JsonFile, write_report
-from diffprt.planning import plan
+from diffprt.cli.outputs import JsonFile, write_report
+from diffprt.cli.parsing import parse_bounces
 from diffprt.planning.decision import EFFECTS, value_text
 from diffprt.progress import status
 
@@ -33,6 +32,9 @@ def run(
     winding: str = typer.Option("repair", help="repair, or keep: for rooms that are seen from within."),
     json_file: Path = JsonFile,
 ) -> None:
+    from diffprt.cli.scenes import load_light, load_scene
+    from diffprt.planning import plan
+
     asked = parse_bounces(bounces)
     scene = load_scene(
         source, albedo=albedo, ground=ground, occluders=occluder, up=up, non_finite=non_finite, winding=winding

@@ -100,18 +100,22 @@ def test_dry_run_prints_and_does_nothing(tmp_path, capsys):
         (("--brdf", "ggx", "--brdf", "phong", "--brdf", "ggx"), "3 BRDFs for 2 materials"),
         (("--brdf", "ggx", "--hours", 1e-7), "allow it with --hours 1"),
         (("--order-out", 3), "--order-out is given without --brdf"),
+        (("--bounce-rays", 64), "--bounce-rays is given without --brdf"),
     ],
     ids=lambda value: " ".join(map(str, value)) if isinstance(value, tuple) else None,
 )
 def test_mistakes_are_one_line(options, message, tmp_path, capsys):
-    assert run("bake", "builtin:wall_and_floor", "--order", 3, "--rays", 64, *options, "-o", tmp_path / "a.prt") == 2
+    assert (
+        run("bake", "builtin:wall_and_floor", "--order", 3, "--quality", "draft", *options, "-o", tmp_path / "a.prt")
+        == 2
+    )
     error = capsys.readouterr().err
     assert error.startswith("diffprt: ") and error.count("\n") == 1 and message in error
     assert list(tmp_path.iterdir()) == []
 
 
 def test_too_large_for_memory(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("diffprt.cli.glossy.available_memory", lambda: 1 << 20)
+    monkeypatch.setattr("diffprt.transfer.available_memory", lambda: 1 << 20)
     assert run("bake", "builtin:wall_and_floor", "--brdf", "ggx", *SMALL, "-o", tmp_path / "a.prt") == 2
     error = capsys.readouterr().err
     assert "0.00 GiB are free: use a lower --order (now 3) or --order-out (now 3)" in error
