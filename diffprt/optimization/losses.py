@@ -8,7 +8,7 @@ import kornia
 import torch
 
 from diffprt.errors import InputError
-from diffprt.options.optimize import LOSSES, OVERDRAW
+from diffprt.options.optimize import LABEL_LOSSES, LOSSES
 from diffprt.shading import tone_map
 
 # Side of the window over which SSIM compares local means and variances (Wang et al. 2004).
@@ -76,7 +76,7 @@ def parse_loss(loss: str | dict[str, float]) -> dict[str, float]:
             raise InputError(f"loss '{name}' is unknown: use one of {', '.join(LOSSES)}")
         if not 0 < weight < float("inf"):
             raise InputError(f"loss '{name}' has weight {weight}: give a number above 0")
-    if not set(loss) - {OVERDRAW}:
+    if not set(loss) - {*LABEL_LOSSES}:
         raise InputError("loss has nothing that compares with references: add image or transfer")
     return dict(loss)
 

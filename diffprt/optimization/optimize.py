@@ -25,7 +25,7 @@ from diffprt.optimization.training.outcome import Outcome
 from diffprt.optimization.training.schedule import Schedule
 from diffprt.optimization.training.trainer import Run, train
 from diffprt.optimization.transfer_loss import TransferLoss
-from diffprt.options.optimize import OVERDRAW, TRANSFER
+from diffprt.options.optimize import LABEL_LOSSES, TRANSFER
 from diffprt.representation import Representation
 from diffprt.transfer.at_receivers import TransferAtReceivers
 
@@ -69,7 +69,8 @@ def optimize(
         parameters: some of "means", "bases", "weights" (all three without), "labels", "diffuse", "glossy", "albedo",
             "exposure" (one factor for all pictures) and "light" (the references' lights; see the report).
         loss: "image" without a target and "transfer" with one; or weights by name, such as {"image": 1, "ssim": 0.1},
-            or "image + 0.1*ssim". Names: image, log, display, psnr, ssim, total-variation, transfer, overdraw.
+            or "image + 0.1*ssim". Of image, log, display, psnr, ssim, total-variation, transfer, overdraw and coherence
+            (these two of labels, where labels are trained).
         steps: at most this many; 300 without `seconds`.
         seconds: stop after about this long.
         tolerance: stop when the relative RMSE of held-out pictures is at most this.
@@ -104,8 +105,8 @@ def optimize(
         raise InputError("loss 'transfer' needs the uncompressed transfer: give target, or leave it out of the loss")
     names = tuple(asset.trainable if parameters is None else parameters)
     check_names(asset, names)
-    if OVERDRAW in terms and "labels" not in names:
-        raise InputError("loss 'overdraw' is of labels, which are not trained: add labels to the parameters")
+    if "labels" not in names and (of_labels := [name for name in LABEL_LOSSES if name in terms]):
+        raise InputError(f"loss '{of_labels[0]}' is of labels, which are not trained: add labels to the parameters")
     checkpoint = None if checkpoint is None else Path(checkpoint)
     if resume and checkpoint is None:
         raise InputError("resume needs the file to go on from: give checkpoint")
@@ -121,7 +122,8 @@ def optimize(
         transfer_loss.check(asset)
     start = asset if bytes is None else fit_to_bytes(asset, transfer_loss, bytes)
     if "labels" in names:
-        start = relabeled(start, _needed(transfer_loss, "labels"), overdraw=terms.get(OVERDRAW, 0.0))
+        weights = {name: terms.get(name, 0.0) for name in LABEL_LOSSES}
+        start = relabeled(start, _needed(transfer_loss, "labels"), **weights)
     with torch.no_grad():
         error = pictures.error(start)
     leaves = [name for name in names if name != "labels"]
@@ -132,7 +134,7 @@ def optimize(
     def value(step: int) -> torch.Tensor:
         now = trained.asset()
         total = torch.zeros(())
-        if set(terms) - {TRANSFER, OVERDRAW}:
+        if set(terms) - {TRANSFER, *LABEL_LOSSES}:
             light = trained.leaves.get("light")
             total = total + pictures.loss(now, step, batch, terms, exposure=trained.exposure, lights=light)
         if TRANSFER in terms:

@@ -6,8 +6,10 @@ from dataclasses import replace
 
 import torch
 
-from diffprt.compression import Subspaces, cluster_pca, expected_error, expected_overdraw
+from diffprt.compression import Subspaces, cluster_pca, expected_error, expected_overdraw, soft_assignment
 from diffprt.compression.clusters.partition import canonical
+from diffprt.compression.methods.geometry_coherence import NearestMembers
+from diffprt.compression.methods.starts import unit_box
 from diffprt.optimization.transfer_loss import TransferLoss
 from diffprt.representation.metric import Metric
 
@@ -27,6 +29,8 @@ def soft_labels(
     *,
     components: int,
     overdraw: float = 0.0,
+    coherence: float = 0.0,
+    places: NearestMembers | None = None,
     steps: int = 60,
 ) -> torch.Tensor:
     """Labels whose subspaces leave less error, from labels that are good already.
@@ -34,8 +38,10 @@ def soft_labels(
     Receiver v belongs to cluster m with probability q_vm, the softmax of minus its squared distance to the subspace of
     m over a temperature that falls. Means and bases descend on
 
-        sum_v area_v sum_m q_vm |x_v - its projection to m|²  +  overdraw x expected overdraw(q)
+        mean over v of area_v sum_m q_vm |x_v - its projection to m|²
+            +  overdraw x expected overdraw(q)  +  coherence x mean over v of sum_m q_vm d_vm(q)
 
+    where d_vm is the distance to the nearest member of m (thesis 2005, equations 9 and 10, alpha = coherence),
     in coordinates that keep bases orthonormal (they are the Q of a QR decomposition). Only clusters in reach count: a
     receiver's own and those of its neighbors over two rings of triangles. At the end every receiver takes its most
     probable one.
@@ -47,6 +53,8 @@ def soft_labels(
         area: float [V], how much each receiver's error counts.
         components: P.
         overdraw: weight of the expected overdraw, in shares of the error at the start per draw of every triangle.
+        coherence: weight of the distance, in shares of the error at the start per side of the box around all receivers.
+        places: of the receivers, for the distance.
         steps: of Adam.
 
     Returns:
@@ -72,48 +80,58 @@ def soft_labels(
     for step in range(steps):
         temperature = scale * _WARMEST * (_COLDEST / _WARMEST) ** (step / max(1, steps - 1))
         errors = Subspaces(means, torch.linalg.qr(bases.transpose(1, 2))[0].transpose(1, 2)).residuals(rows)
-        belongs = (-errors.masked_fill(~reach, torch.inf) / temperature).softmax(1)
+        belongs = soft_assignment(errors.masked_fill(~reach, torch.inf), temperature)
         loss = expected_error(belongs, area * errors) / scale
         if overdraw > 0 and len(faces):
             loss = loss + overdraw * expected_overdraw(belongs, faces)
+        if coherence > 0:
+            loss = loss + coherence * expected_distance(belongs, places)
         optimizer.zero_grad()
         loss.backward()
         optimizer.step()
     return _hardened(belongs.detach(), labels)
 
 
-def relabeled(asset, loss: TransferLoss, *, overdraw: float = 0.0):
+def expected_distance(assignment: torch.Tensor, places: NearestMembers) -> torch.Tensor:
+    """Mean over receivers of sum_M q_vM times the distance to its nearest other member; gradients reach q."""
+    return (assignment * places.distance(assignment)).sum(1).mean()
+
+
+def relabeled(asset, loss: TransferLoss, *, overdraw: float = 0.0, coherence: float = 0.0):
     """The asset on labels of `soft_labels`, components fitted to them; the one given, where these are no better.
 
-    Better is less expected error at no higher overdraw, for which a price is put on it where it rises without; with a
-    weight of overdraw, a lower sum of both, the error as a share of what it was.
+    Better is less expected error, as a share of what it was, plus what overdraw and coherence weigh. Where overdraw has
+    no weight it must not rise, for which a price is put on it if it would.
 
     Args:
         asset: clustered transfer whose numbers are not rounded yet.
         loss: against the uncompressed transfer.
-        overdraw: as in `soft_labels`.
+        overdraw, coherence: as in `soft_labels`.
     """
     faces = asset.receivers.faces
     rows = loss.metric.scale(loss.signal).flatten(1)
     area = loss.norm.apply(torch.ones(len(rows), 1))[:, 0]
-    before, drawn_before = _cost(asset, loss)
+    places = NearestMembers.of(unit_box(asset.receivers.positions), itself=False) if coherence > 0 else None
+    before, drawn_before, far_before = _cost(asset, loss, places)
+    near = {"coherence": coherence, "places": places}
     for price in _PRICES if overdraw == 0 else (overdraw,):
-        labels = soft_labels(rows, asset.labels, faces, area, components=asset.components, overdraw=price)
+        labels = soft_labels(rows, asset.labels, faces, area, components=asset.components, overdraw=price, **near)
         found = _refitted(asset, rows, labels, loss.metric)
-        error, drawn = _cost(found, loss)
-        if overdraw > 0:
-            better = error + overdraw * before * drawn < before + overdraw * before * drawn_before
-        else:
-            better = error < before and drawn <= drawn_before
-        if better:
+        error, drawn, far = _cost(found, loss, places)
+        gained = before - error + before * (overdraw * (drawn_before - drawn) + coherence * (far_before - far))
+        if gained > 0 and (overdraw > 0 or drawn <= drawn_before):
             return found
     return asset
 
 
-def _cost(asset, loss: TransferLoss) -> tuple[float, float]:
-    """Expected error and overdraw; the latter is 1 where there are no triangles."""
+def _cost(asset, loss: TransferLoss, places: NearestMembers | None) -> tuple[float, float, float]:
+    """Expected error, overdraw (1 where there are no triangles) and mean distance to the nearest other member."""
     with torch.no_grad():
-        return float(loss(asset)), asset.overdraw() if len(asset.receivers.faces) else 1.0
+        drawn, far = asset.overdraw() if len(asset.receivers.faces) else 1.0, 0.0
+        if places is not None:
+            hard = torch.nn.functional.one_hot(asset.labels, asset.clusters)
+            far = float(expected_distance(hard.to(asset.means.dtype), places))
+        return float(loss(asset)), drawn, far
 
 
 def _refitted(asset, rows: torch.Tensor, labels: torch.Tensor, metric: Metric):

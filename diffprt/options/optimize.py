@@ -3,5 +3,6 @@
 from __future__ import annotations
 
 PARAMETERS = ("diffuse", "glossy", "means", "bases", "weights", "labels", "albedo", "exposure", "light")
-TRANSFER, OVERDRAW = "transfer", "overdraw"
-LOSSES = ("image", "log", "display", "psnr", "ssim", "total-variation", TRANSFER, OVERDRAW)
+TRANSFER, OVERDRAW, COHERENCE = "transfer", "overdraw", "coherence"
+LABEL_LOSSES = (OVERDRAW, COHERENCE)
+LOSSES = ("image", "log", "display", "psnr", "ssim", "total-variation", TRANSFER, *LABEL_LOSSES)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import torch
-from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
 
 from diffprt.compression.clusters.partition import Clustering, Partition, canonical, member_means, nearest
@@ -12,6 +13,7 @@ from diffprt.compression.methods.lbg import fill_empty, start_centers
 from diffprt.compression.methods.starts import unit_box
 from diffprt.errors import InputError
 from diffprt.options.compress import ClusterOptions
+from diffprt.surface.operator import OperatorRows, StoredOperator
 
 PLACES = ("nearest", "mean")
 _ALPHA = 0.05
@@ -135,6 +137,41 @@ def _distances(vectors: torch.Tensor, centers: torch.Tensor) -> torch.Tensor:
     return torch.cat(blocks)
 
 
+@dataclass(frozen=True)
+class NearestMembers:
+    """A smooth form of equation 10 for soft clusters, prepared for many assignments of the same receivers.
+
+    Attributes:
+        nearness: exp(-|P_i - P_k| / width) [V, V] of each receiver's neighbors; geometry is constant.
+        beyond: float64 [V, 1], the same of the farthest one, at whose distance everything beyond counts.
+        width: over which the minimum is softened.
+    """
+
+    nearness: StoredOperator
+    beyond: torch.Tensor
+    width: float
+
+    @staticmethod
+    def of(positions: torch.Tensor, *, width: float = 0.01, neighbors: int = 32, itself: bool = True) -> NearestMembers:
+        """As `smooth_nearest_member`; without `itself`, no receiver counts as a member near itself."""
+        points = positions.detach().double().numpy()
+        skipped = 0 if itself else 1
+        count = min(neighbors + skipped, len(points))
+        distance, index = (found.reshape(len(points), count) for found in cKDTree(points).query(points, k=count))
+        near = np.exp(-distance / width)
+        if not itself:
+            near[index == np.arange(len(points))[:, None]] = 0.0
+        order = index.argsort(axis=1)
+        columns, values = (np.take_along_axis(found, order, axis=1).reshape(-1) for found in (index, near))
+        rows = OperatorRows(np.full(len(points), count, dtype=np.int32), columns.astype(np.int32), values)
+        return NearestMembers(StoredOperator([rows], len(points)), torch.from_numpy(near[:, -1:].copy()), width)
+
+    def distance(self, assignment: torch.Tensor) -> torch.Tensor:
+        """-width log sum_k q_kj exp(-|P_i - P_k| / width), [V, M], of q float [V, M]; gradients reach it."""
+        beyond = self.beyond.to(assignment).clamp_min(torch.finfo(assignment.dtype).tiny)
+        return -self.width * (self.nearness.gather(assignment) + beyond).log()
+
+
 def smooth_nearest_member(
     positions: torch.Tensor, assignment: torch.Tensor, *, width: float = 0.01, neighbors: int = 32
 ) -> torch.Tensor:
@@ -153,29 +190,4 @@ def smooth_nearest_member(
         float [V, M], towards the distance to the nearest member as `width` falls and q becomes hard; it may be
         below it by width log(neighbors). Gradients reach the assignment.
     """
-    points = positions.detach().double().numpy()
-    count = min(neighbors, len(points))
-    distance, index = cKDTree(points).query(points, k=count)
-    distance, index = distance.reshape(len(points), count), index.reshape(len(points), count)
-    rows = csr_matrix(
-        (np.exp(-distance / width).reshape(-1), index.reshape(-1), np.arange(len(points) + 1) * count),
-        shape=(len(points), len(points)),
-    )
-    near = _SparseProduct.apply(assignment, rows)
-    floor = (
-        torch.from_numpy(np.exp(-distance[:, -1:] / width)).to(assignment).clamp_min(torch.finfo(assignment.dtype).tiny)
-    )
-    return -width * (near + floor).log()
-
-
-class _SparseProduct(torch.autograd.Function):
-    """A constant sparse matrix times a dense one."""
-
-    @staticmethod
-    def forward(ctx, dense, rows):
-        ctx.rows = rows
-        return torch.from_numpy(rows @ dense.detach().numpy()).to(dense.dtype)
-
-    @staticmethod
-    def backward(ctx, gradient):
-        return torch.from_numpy(ctx.rows.T @ gradient.numpy()).to(gradient.dtype), None
+    return NearestMembers.of(positions, width=width, neighbors=neighbors).distance(assignment)
