@@ -76,7 +76,7 @@ def run(
         {
             "settings": {"lights": list(lights), "window": window, "curve": curve, "registers": registers},
             "timings": {"total": time.perf_counter() - begun},
-            "counts": {"vertices": len(asset.receivers), "triangles": len(asset.receivers.faces)},
+            "counts": report.pop("counts"),
             "errors": asset.certificate,
             "outputs": report,
         },

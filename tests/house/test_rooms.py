@@ -24,7 +24,7 @@ ROOMS = (
 )  # fmt: skip
 
 # Importing files and what they import against the order, until it is mended. Each is asked to be real.
-UPHILL: set[tuple[str, str]] = {}
+UPHILL: set[tuple[str, str]] = set()
 CIRCLES: set[frozenset[str]] = set()
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from diffprt.errors import InputError
 from diffprt.exporters.packers.packed import Packed, floats
 from diffprt.exporters.packers.registry import pack
-from diffprt.representation import Representation as Exportable
+from diffprt.representation import Representation
 from diffprt.representation.files import CONVENTIONS
 from diffprt.scene import Light
 from diffprt.whole_file import make_folder, write_whole
@@ -24,7 +24,7 @@ _TYPES = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}
 
 
 def export_glb(
-    asset: Exportable, path: str | Path, *, lights: dict[str, Light] | None = None, name: str = "asset"
+    asset: Representation, path: str | Path, *, lights: dict[str, Light] | None = None, name: str = "asset"
 ) -> dict[str, Any]:
     """Writes the asset as one .glb file.
 

@@ -30,7 +30,6 @@ def pack_clustered_diffuse(asset: ClusteredTransfer) -> Packed:
         equation="transfer = means[label] + sum_p weights[p] bases[label, p], [C, K]; "
         "radiance = albedo / pi * sum_k transfer[c, k] light[k]",
         tables=("means", "bases"),
-        compressed=True,
         unshadowed=unshadowed(asset.order, geometry),
     )
     return replace(packed, passes=partial(_by_passes, packed, asset))

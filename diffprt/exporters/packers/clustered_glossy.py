@@ -23,6 +23,5 @@ def pack_clustered_glossy(asset: ClusteredGlossyTransfer) -> Packed:
         "radiance(view) = sum_o y_o(view on the vertex's axes) sum_k transfer[c, o, k] light[k]",
         tables=("means", "bases"),
         conventions={"axes": VERTEX_AXES},
-        compressed=True,
         view_dependent=True,
     )

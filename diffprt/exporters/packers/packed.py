@@ -27,7 +27,6 @@ class Packed:
         equation: of radiance, in the words that glTF carries; empty where glTF cannot carry the kind.
         tables: those of `signal` that glTF stores as they are; labels and weights are attributes of its vertices.
         conventions: by name, those that glTF states beside those of every asset.
-        compressed: whether the signal stands for another, uncompressed one.
         view_dependent: whether radiance depends on where the eye is.
         passes: makes the same of so many float4 registers a pass, for a kind that can be drawn in passes.
         unshadowed: what remains where nothing casts a shadow, for a kind where that follows from the normals.
@@ -43,7 +42,6 @@ class Packed:
     equation: str = ""
     tables: tuple[str, ...] = ()
     conventions: Mapping[str, str] = field(default_factory=dict)
-    compressed: bool = False
     view_dependent: bool = False
     passes: Callable[[int], Packed] | None = None
     unshadowed: Packed | None = None

@@ -80,7 +80,7 @@ def _halves(rows: np.ndarray) -> tuple[np.ndarray, dict[str, Any]]:
 def octahedral(normals: np.ndarray) -> np.ndarray:
     """Codes uint16 [V, 2] of unit vectors [V, 3]: z and x on the octahedron whose lower half, y < 0, is folded out.
 
-    The sign of z is kept exactly: it chooses a glossy vertex's axes (`diffprt.shading`).
+    The sign of z is kept exactly: it chooses a glossy vertex's axes (`diffprt.transfer.glossy.mirrored`).
     """
     wide = normals.astype(np.float64)
     size = np.abs(wide).sum(axis=1, keepdims=True)

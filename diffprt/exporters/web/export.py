@@ -20,14 +20,14 @@ from diffprt.exporters.web.lights import default_light
 from diffprt.exporters.web.template import fill_template, joined_scripts, page_source, script_json, shader_elements
 from diffprt.exporters.web.versions import collect
 from diffprt.options import ExportOptions, takes
-from diffprt.representation import Representation as Exportable
+from diffprt.representation import Representation
 from diffprt.scene import Light
 from diffprt.scene.camera import Camera
 from diffprt.whole_file import make_folder, write_whole
 
 
 @takes(ExportOptions)
-def export(asset: Exportable, directory: str | Path, options: ExportOptions) -> dict:
+def export(asset: Representation, directory: str | Path, options: ExportOptions) -> dict:
     """Writes `directory/index.html`, a page that relights the asset in any browser with WebGL 2.
 
     The page opens from disk, asks the network for nothing, and computes what `shade` and `tone_map` compute:
@@ -44,9 +44,9 @@ def export(asset: Exportable, directory: str | Path, options: ExportOptions) -> 
         options: each a keyword; `diffprt.options.ExportOptions` describes them.
 
     Returns:
-        {"path": str, "bytes": int, "parts": {"geometry", "signal", "page"}, "programs": [str], "left_out": [str]}; the
-        parts are bytes in the file (deflated and in base64 where binary) and sum to its size; the shaders that draw
-        the asset; what was left out of the page, in words.
+        {"path": str, "bytes": int, "parts": {"geometry", "signal", "page"}, "counts": {"vertices", "triangles"},
+        "programs": [str], "left_out": [str]}; the parts are bytes in the file (deflated and in base64 where binary)
+        and sum to its size; the shaders that draw the asset; what was left out of the page, in words.
 
     Raises:
         InputError: the asset has no faces or no shader, a light or version has another order than the asset or a
@@ -60,6 +60,7 @@ def export(asset: Exportable, directory: str | Path, options: ExportOptions) -> 
         "path": str(path),
         "bytes": len(page.content),
         "parts": page.parts,
+        "counts": page.counts,
         "programs": list(page.programs),
         "left_out": list(page.left_out),
     }
@@ -67,26 +68,30 @@ def export(asset: Exportable, directory: str | Path, options: ExportOptions) -> 
 
 @dataclass(frozen=True)
 class Page:
-    """A page, the camera it opens with, the bytes of its parts, the asset's shaders, and what was left out of it."""
+    """A page, the camera it opens with, and what `export` reports of it."""
 
     content: bytes
     camera: Camera
     parts: dict[str, int]
+    counts: dict[str, int]
     programs: tuple[str, ...]
     left_out: tuple[str, ...]
 
 
-def page_of(asset: Exportable, options: ExportOptions) -> Page:
+def page_of(asset: Representation, options: ExportOptions) -> Page:
     """The page of `export`: what is shown first, versions, lights and facts around the arrays."""
     packed = pack(asset)
-    receivers = asset.receivers
-    if len(receivers.faces) == 0:
+    positions = asset.elements.positions
+    counts = {"vertices": len(positions), "triangles": len(packed.geometry["indices"])}
+    if counts["triangles"] == 0:
         raise InputError("asset has no faces to draw: bake a mesh, or give its receivers faces")
+    if asset.order is None:
+        raise InputError(f"a {asset.name} answers to no distant light, which the page turns: render it instead")
     lights = {"Sky and sun": default_light(asset.order)} if options.lights is None else options.lights
     _check_lights(lights, asset.order)
     collected = collect(asset, packed, options)
     own = next(iter(collected.packed.values()))
-    camera = options.camera or Camera.framing(receivers.positions)
+    camera = options.camera or Camera.framing(positions)
     title = options.title or "diffprt"
 
     store = ArrayStore()
@@ -98,11 +103,11 @@ def page_of(asset: Exportable, options: ExportOptions) -> Page:
     manifest = {
         "title": title,
         "path": "single" if options.registers is None else "passes",
-        "facts": {"vertices": len(receivers), "triangles": len(receivers.faces), **own.facts},
+        "facts": {**counts, **own.facts},
         "versions": entries,
         "heat": heat,
         "arrays": store.forms,
-        "bounds": _bounds(receivers.positions),
+        "bounds": _bounds(positions),
         "camera": {
             "eye": camera.eye,
             "target": camera.target,
@@ -133,7 +138,7 @@ def page_of(asset: Exportable, options: ExportOptions) -> Page:
     )
     content = page.encode()
     parts = {**store.bytes, "page": len(content) - sum(store.bytes.values())}
-    return Page(content, camera, parts, own.programs, collected.left_out)
+    return Page(content, camera, parts, counts, own.programs, collected.left_out)
 
 
 def _check_lights(lights: Mapping[str, Light], order: int) -> None:

@@ -9,7 +9,7 @@ import torch
 
 from diffprt import sh
 from diffprt.rendering import auto_exposure, render
-from diffprt.representation import Representation as Exportable
+from diffprt.representation import Representation
 from diffprt.scene import Camera, Light
 
 _SKY_RADIANCE = (0.30, 0.36, 0.44)
@@ -27,8 +27,8 @@ def default_light(order: int) -> Light:
     return Light(windowed.float())
 
 
-def balanced_light(asset: Exportable, light: Light) -> Light:
+def balanced_light(asset: Representation, light: Light) -> Light:
     """The light scaled so that the asset is well exposed at exposure 1: maps come in any unit."""
-    camera = Camera.framing(asset.receivers.positions, width=64, height=64)
-    factor = auto_exposure(render(asset, light, camera), asset.receivers.view(camera).mask)
+    camera = Camera.framing(asset.elements.positions, width=64, height=64)
+    factor = auto_exposure(render(asset, light, camera), asset.elements.view(camera).mask)
     return Light(light.coefficients * factor, light.report)

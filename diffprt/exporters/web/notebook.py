@@ -12,7 +12,7 @@ import torch
 from diffprt.errors import InputError
 from diffprt.exporters.web.export import page_of
 from diffprt.options import ExportOptions
-from diffprt.representation import Representation as Exportable
+from diffprt.representation import Representation
 from diffprt.scene import Light
 from diffprt.scene.camera import Camera
 
@@ -39,7 +39,7 @@ class Frame:
         )
 
 
-def show(asset: Exportable, light: Light | None = None, *, height: int = 480, **options: Any) -> Any:
+def show(asset: Representation, light: Light | None = None, *, height: int = 480, **options: Any) -> Any:
     """The asset in a notebook cell, relit as in the page of `export`.
 
     Where anywidget is installed (`pip install anywidget`) the result is a widget whose `light` [K, 3], `azimuth` and

@@ -7,17 +7,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
-from diffprt.compression import ClusteredGlossyTransfer, ClusteredTransfer
 from diffprt.errors import InputError
 from diffprt.exporters.packers.packed import Packed, floats
 from diffprt.exporters.packers.registry import pack
 from diffprt.exporters.web.template import page_classes
 from diffprt.options import ExportOptions
-from diffprt.representation import Representation as Exportable
-from diffprt.transfer import GlossyTransfer, Transfer
+from diffprt.representation import Representation
 
 MOST_UNCOMPRESSED_BYTES = 20_000_000
-_CLUSTERED = (ClusteredTransfer, ClusteredGlossyTransfer)
 
 
 @dataclass(frozen=True)
@@ -35,7 +32,7 @@ class Versions:
     left_out: tuple[str, ...]
 
 
-def collect(asset: Exportable, packed: Packed, options: ExportOptions) -> Versions:
+def collect(asset: Representation, packed: Packed, options: ExportOptions) -> Versions:
     """The asset's versions; see `export`.
 
     Args:
@@ -47,13 +44,13 @@ def collect(asset: Exportable, packed: Packed, options: ExportOptions) -> Versio
         InputError: a version has other geometry or another order, a name is taken, `uncompressed` is compressed, or
             the page has no class for a version.
     """
-    own_name = "Optimized" if options.before is not None else "Compressed" if packed.compressed else "Transfer"
-    given: dict[str, Exportable] = {} if options.before is None else {"Before": options.before}
+    own_name = "Optimized" if options.before is not None else "Compressed" if asset.compressed else "Transfer"
+    given: dict[str, Representation] = {} if options.before is None else {"Before": options.before}
     left_out: list[str] = []
     error = None
     if options.uncompressed is not None:
         error = _squared_error(asset, options.uncompressed)
-        size = _signal(options.uncompressed).numel() * 4
+        size = options.uncompressed.signal.numel() * 4
         if size <= MOST_UNCOMPRESSED_BYTES:
             given["Uncompressed"] = options.uncompressed
         else:
@@ -69,6 +66,8 @@ def collect(asset: Exportable, packed: Packed, options: ExportOptions) -> Versio
     for name, version in given.items():
         other = pack(version)
         _check_same(name, asset, version)
+        if not np.array_equal(packed.geometry["indices"], other.geometry["indices"]):
+            raise InputError(f"version '{name}' has other triangles than the asset: give versions of the same mesh")
         if packed.view_dependent != other.view_dependent:
             raise InputError(f"version '{name}' is '{other.kind}', the asset '{packed.kind}': compare like with like")
         drawn[name] = other if other.passes is None else other.in_passes(options.registers)
@@ -83,16 +82,11 @@ def collect(asset: Exportable, packed: Packed, options: ExportOptions) -> Versio
     return Versions(drawn, error, tuple(left_out))
 
 
-def _signal(asset: Exportable) -> torch.Tensor:
-    return asset.glossy if isinstance(asset, GlossyTransfer) else asset.diffuse
-
-
-def _squared_error(asset: Exportable, uncompressed: Exportable) -> np.ndarray:
-    if not isinstance(uncompressed, (Transfer, GlossyTransfer)):
+def _squared_error(asset: Representation, uncompressed: Representation) -> np.ndarray:
+    if uncompressed.compressed:
         raise InputError(f"uncompressed is a {type(uncompressed).__name__}: give the transfer that was compressed")
     _check_same("uncompressed", asset, uncompressed)
-    shown = _signal(asset.decode() if isinstance(asset, _CLUSTERED) else asset).detach().float()
-    truth = _signal(uncompressed).detach().float()
+    shown, truth = (signal.detach().float() for signal in (asset.decode().signal, uncompressed.signal))
     if shown.shape[2:] != truth.shape[2:]:
         raise InputError(
             f"uncompressed transfer has shape {list(truth.shape)}, the asset stands for {list(shown.shape)}: "
@@ -101,12 +95,12 @@ def _squared_error(asset: Exportable, uncompressed: Exportable) -> np.ndarray:
     return floats((shown - truth).square().flatten(1).sum(1))
 
 
-def _check_same(name: str, asset: Exportable, version: Exportable) -> None:
-    ours, theirs = asset.receivers, version.receivers
-    if not torch.equal(ours.positions, theirs.positions) or not torch.equal(ours.faces, theirs.faces):
+def _check_same(name: str, asset: Representation, version: Representation) -> None:
+    ours, theirs = asset.elements.positions, version.elements.positions
+    if not torch.equal(ours, theirs):
         raise InputError(
-            f"version '{name}' has {len(theirs)} vertices and {len(theirs.faces)} triangles that are not the asset's "
-            f"{len(ours)} and {len(ours.faces)}: give versions of the same mesh"
+            f"version '{name}' has {len(theirs)} vertices that are not the asset's {len(ours)}: "
+            "give versions of the same mesh"
         )
     if asset.order != version.order:
         raise InputError(f"version '{name}' has order {version.order}, the asset {asset.order}: give the same order")
