@@ -31,6 +31,7 @@ class Representation(ABC):
         spec: its tensors beside those of its elements.
         elements_type: of its elements.
         compressed: whether `decode` gives another, larger asset.
+        elements: what carries the signal and is seen.
         provenance: how it was made.
     """
 
@@ -40,6 +41,7 @@ class Representation(ABC):
     spec: ClassVar[Spec]
     elements_type: ClassVar[type[Elements]]
     compressed: ClassVar[bool] = False
+    elements: Elements
     provenance: Provenance
 
     def __init_subclass__(cls, **options: Any) -> None:
@@ -48,11 +50,6 @@ class Representation(ABC):
             Representation.kinds[cls.name] = cls
 
     # What every kind defines.
-
-    @property
-    @abstractmethod
-    def elements(self) -> Elements:
-        """What carries the signal and is seen."""
 
     @abstractmethod
     def lit(self, lighting: LightingLike, *, albedo: torch.Tensor | None = None) -> Lit:
