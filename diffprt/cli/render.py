@@ -57,7 +57,7 @@ def run(
     radiance = load_light(light, asset.order, window=window, azimuth=light_azimuth)
     check_output(output)
     camera = Camera.framing(
-        asset.receivers.positions, azimuth=azimuth, elevation=elevation, fov=fov, width=width, height=height
+        asset.elements.positions, azimuth=azimuth, elevation=elevation, fov=fov, width=width, height=height
     )
     loaded = time.perf_counter()
     image = render(asset, radiance, camera, background=behind, samples=samples)

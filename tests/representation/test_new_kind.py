@@ -97,7 +97,7 @@ def test_what_it_cannot_do_is_one_line(asset):
     camera = Camera.framing(asset.elements.positions, width=16, height=16)
     references = make_references(asset, [LIGHT], 4, width=16, height=16)
     refusals = [
-        (lambda: compress(asset), "a FaceColors cannot be compressed"),
+        (lambda: compress(asset), "a FaceColors has no signal to compress"),
         (lambda: optimize(asset, references, bytes=1000), "a FaceColors cannot be fitted to bytes"),
         (lambda: optimize(asset, references, target=asset), "a FaceColors has no signal"),
         (lambda: optimize(asset, references, parameters=["means"]), "a FaceColors has no means"),
