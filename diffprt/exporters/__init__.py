@@ -1,7 +1,7 @@
 """From a baked asset to files that run elsewhere: a web page, binary glTF, shaders, a module for three.js.
 
 `export` writes a self-contained HTML file that relights the asset, `show` shows it in a notebook, `export_glb` writes
-the asset as binary glTF, `write_shaders` its shaders in four languages (`diffprt.export.shading`), `write_three` a
+the asset as binary glTF, `write_shaders` its shaders in four languages (`diffprt.exporters.shaders`), `write_three` a
 module that draws the glTF in three.js, and `to_engine` gives a light as other engines store it.
 """
 

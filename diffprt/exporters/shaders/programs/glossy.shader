@@ -1,9 +1,9 @@
 """Glossy transfer, clustered or not: every pixel looks along its own view with its own normal.
 
 Exit radiance by mirrored direction is what hardly varies over a surface, so that is interpolated
-(diffprt/shade/mirrored.py). The three corners' coefficients are too many to be handed over from vertices; the pixel
-reads them itself. Interpolating coefficients turned to the scene's axes is the same as interpolating what each corner
-sends along the mirrored direction, so nothing is turned: the direction goes into each corner's own axes."""
+(diffprt/transfer/glossy/mirrored.py). The three corners' coefficients are too many to be handed over from vertices;
+the pixel reads them itself. Interpolating coefficients turned to the scene's axes is the same as interpolating what
+each corner sends along the mirrored direction, so nothing is turned: the direction goes into each corner's own axes."""
 
 from harmonics import fall, rise, sectoral
 from tables import place

@@ -1,4 +1,4 @@
-// A page in a frame tells its host what the reader did, and does what the host asks: diffprt/export/notebook.py.
+// A page in a frame tells its host what the reader did, and does what the host asks: diffprt/exporters/web/notebook.py.
 
 const REPORT_PAUSE = 100; // milliseconds between reports
 

@@ -1,5 +1,5 @@
 // What the exporter put into the page: a manifest in JSON, arrays deflated and in base64, shaders as text.
-// Arrays are codes in planes of bytes; diffprt/export/compact.py says how they are made.
+// Arrays are codes in planes of bytes; diffprt/exporters/web/compact.py says how they are made.
 
 const ARRAY_TYPES = { float32: Float32Array, uint32: Uint32Array, uint16: Uint16Array, uint8: Uint8Array };
 const CODE_BITS = { uint8: 8, uint16: 16, uint32: 32 };

@@ -1,5 +1,5 @@
 // Real spherical harmonics: orthonormal, Condon-Shortley sign (band 1 is -y, z, -x), index l(l+1)+m.
-// The same convention as diffprt/sh; tests/export compares the two through a browser.
+// The same convention as diffprt/sh; tests/exporters compares the two through a browser.
 
 // The K = order² basis values of the unit direction (x, y, z), into out[first ...].
 export function shBasis(order, x, y, z, out, first = 0) {
