@@ -23,10 +23,10 @@ from .methods.k_subspaces import k_subspaces as k_subspaces
 from .methods.lbg import STARTS as STARTS
 from .methods.lbg import lbg as lbg
 from .overdraw.overdraw import draws as draws
+from .overdraw.overdraw import expected_error as expected_error
+from .overdraw.overdraw import expected_overdraw as expected_overdraw
 from .overdraw.overdraw import overdraw as overdraw
-from .overdraw.soft_assignment import expected_error as expected_error
-from .overdraw.soft_assignment import expected_overdraw as expected_overdraw
-from .overdraw.soft_assignment import soft_assignment as soft_assignment
+from .overdraw.overdraw import soft_assignment as soft_assignment
 from .overdraw.super_clusters import SELECTIONS as SELECTIONS
 from .overdraw.super_clusters import SuperClusters as SuperClusters
 from .overdraw.super_clusters import clusters_per_pass as clusters_per_pass

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 
 import torch
@@ -49,7 +50,7 @@ def compress(transfer: TransferAtReceivers, options: CompressOptions) -> Cluster
         prior = check_prior(options.prior, shape[-1])
         weights = prior.expand(shape).reshape(-1)
     if options.registers is not None:
-        outputs = shape[1] if len(shape) > 2 else 1
+        outputs = math.prod(shape[1:-1])
         per_pass = clusters_per_pass(options.registers, components, channels=transfer.channels, outputs=outputs)
     known = {"positions": transfer.receivers.positions, "faces": faces, "per_pass": per_pass, "prior": weights}
     encoded = encode(vectors, **(vars(options) | known))

@@ -9,8 +9,7 @@ import torch
 
 from diffprt.compression.clustered.quantize import rounded, stored_bytes
 from diffprt.compression.clustering import cluster
-from diffprt.compression.clusters.blend import blend
-from diffprt.compression.clusters.components import cluster_pca, least_squares, orthonormal
+from diffprt.compression.clusters.components import blend, cluster_pca, least_squares, orthonormal
 from diffprt.errors import InputError
 from diffprt.options.compress import ClusterOptions
 from diffprt.options.keywords import takes

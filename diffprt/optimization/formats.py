@@ -8,8 +8,7 @@ from functools import singledispatch
 import torch
 
 from diffprt.compression import ClusteredSignal, cluster_pca, rounded
-from diffprt.compression.clusters.blend import blend
-from diffprt.compression.clusters.components import least_squares, orthonormal
+from diffprt.compression.clusters.components import blend, least_squares, orthonormal
 from diffprt.compression.encode import encoded_bytes
 from diffprt.errors import InputError
 from diffprt.optimization.lattice import fine_weights, tilt

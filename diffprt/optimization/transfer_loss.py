@@ -7,7 +7,7 @@ from functools import singledispatch
 import torch
 
 from diffprt.compression import ClusteredSignal
-from diffprt.compression.clusters.blend import blend
+from diffprt.compression.clusters.components import blend
 from diffprt.errors import InputError
 from diffprt.optimization.image_norm import ImageNorm
 from diffprt.representation import Representation

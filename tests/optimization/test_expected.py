@@ -4,7 +4,7 @@ import torch
 from scipy.sparse import csr_matrix
 
 from diffprt.compression import light_prior
-from diffprt.compression.clusters.blend import blend
+from diffprt.compression.clusters.components import blend
 from diffprt.optimization import ImageNorm, TransferLoss, random_cameras, random_rotations
 from diffprt.rendering import FrozenView, pixel_radiance
 from diffprt.scene import Light

@@ -9,7 +9,7 @@ from tolerances import FLOAT32
 from diffprt import sh
 from diffprt.brdf import CookTorrance, ModifiedPhong, fitted_matrix
 from diffprt.compression import ClusteredTransfer, compress
-from diffprt.compression.overdraw.soft_assignment import soft_assignment
+from diffprt.compression.overdraw.overdraw import soft_assignment
 from diffprt.errors import InputError
 from diffprt.rendering import FrozenView, picture, render
 from diffprt.scene import Camera, Environment, builtin_environment

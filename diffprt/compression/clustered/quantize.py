@@ -33,11 +33,6 @@ class Quantized:
         return sum(t.numel() * t.element_size() for t in (self.codes, self.offsets, self.steps))
 
 
-def check_format(name: str, value: str) -> None:
-    """Raises InputError unless `value` is a format."""
-    check_choice(name, value, FORMATS)
-
-
 def stored_bytes(numbers: int, ranges: int, format: str, element_size: int = 4) -> int:
     """Bytes that `numbers` take in a format, with the offsets and steps of `ranges` ranges when they are uint8."""
     if format == "uint8":
@@ -57,8 +52,8 @@ def quantize(values: torch.Tensor, format: str, *, ranges: torch.Tensor | None =
     Raises:
         InputError: the format is unknown, or a value does not fit into float16.
     """
-    check_format("format", format)
-    none = torch.zeros(0, values.shape[1])
+    check_choice("format", format, FORMATS)
+    none = values.new_zeros(0, values.shape[1], dtype=torch.float32)
     values = values.detach()
     if format == "float32":
         return Quantized(values.float(), none, none)
@@ -68,7 +63,7 @@ def quantize(values: torch.Tensor, format: str, *, ranges: torch.Tensor | None =
             raise InputError(f"a value of {largest:g} is beyond float16's {_LARGEST_HALF:g}: use uint8 or float32")
         return Quantized(values.half(), none, none)
     offsets, steps = spans(values.float(), ranges)
-    rows = torch.arange(len(values)) if ranges is None else ranges
+    rows = torch.arange(len(values), device=values.device) if ranges is None else ranges
     shape = (len(values), values.shape[1]) + (1,) * (values.dim() - 2)
     offset, step = offsets[rows].view(shape), steps[rows].view(shape)
     # a range of zero width has step 0: its code is 0 and its value the offset
@@ -80,7 +75,7 @@ def dequantize(stored: Quantized, *, ranges: torch.Tensor | None = None) -> torc
     """The float32 numbers that `stored` stands for; `ranges` as given to `quantize`."""
     if stored.codes.dtype != torch.uint8:
         return stored.codes.float()
-    rows = torch.arange(len(stored.codes)) if ranges is None else ranges
+    rows = torch.arange(len(stored.codes), device=stored.codes.device) if ranges is None else ranges
     shape = (len(stored.codes), stored.codes.shape[1]) + (1,) * (stored.codes.dim() - 2)
     return stored.offsets[rows].view(shape) + stored.steps[rows].view(shape) * stored.codes.float()
 

@@ -9,12 +9,13 @@ from typing import Any, ClassVar, Self
 import torch
 
 from diffprt import sh
-from diffprt.compression.clustered.quantize import check_format
 from diffprt.compression.clustered.storage import from_tensors, to_tensors
-from diffprt.compression.clusters.blend import blend
+from diffprt.compression.clusters.components import blend
 from diffprt.compression.encode import encoded_bytes
 from diffprt.compression.overdraw.overdraw import overdraw
 from diffprt.errors import InputError
+from diffprt.options.compress import FORMATS
+from diffprt.options.ranges import check_choice
 from diffprt.representation.elements import Elements
 from diffprt.representation.interface import Representation
 from diffprt.representation.lighting import LightingLike
@@ -78,8 +79,8 @@ class ClusteredSignal(TransferAtReceivers):
             raise InputError(f"clustered transfer has {self.channels} channels: give 1 or 3")
         for count in self.means.shape[2:]:
             sh.order_of_count(count)
-        check_format("weights_format", self.weights_format)
-        check_format("bases_format", self.bases_format)
+        check_choice("weights_format", self.weights_format, FORMATS)
+        check_choice("bases_format", self.bases_format, FORMATS)
         expected = {
             "labels": (len(self.receivers),),
             "bases": (self.clusters, self.components, *self.means.shape[1:]),

@@ -8,7 +8,7 @@ from diffprt.compression.clusters.partition import Clustering, member_sums
 from diffprt.compression.clusters.subspaces import Subspaces, fit_subspaces
 from diffprt.compression.methods.k_subspaces import FEW_ROUNDS, k_subspaces, subspace_starts
 from diffprt.compression.overdraw.corners import Corners
-from diffprt.compression.overdraw.soft_assignment import soft_assignment
+from diffprt.compression.overdraw.overdraw import soft_assignment
 from diffprt.options.compress import ClusterOptions
 
 _CELLS = 1 << 22
