@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import typer
 
 from diffprt.cli.from_options import from_options
-from diffprt.cli.glossy import bake_glossy_scene, refuse_with_brdf
 from diffprt.cli.outputs import JsonFile, check_ending, check_output, write_report
 from diffprt.cli.parsing import parse_bounces
 from diffprt.cli.tables import print_table, size_text
 from diffprt.errors import InputError
-from diffprt.options.bake import CONVERGED, BakeOptions, BakeSettings, GlossySettings
+from diffprt.options import CONVERGED, BakeOptions
 from diffprt.progress import status, track
 
 if TYPE_CHECKING:
-    from diffprt.transfer import Estimate, SamplingRate
+    from diffprt.transfer import Job
 
 
 @from_options(BakeOptions, bounces=parse_bounces)
@@ -48,33 +45,18 @@ def run(
     *,
     options: BakeOptions,
 ) -> None:
+    check_ending(output, ".prt")
+
     from diffprt.brdf import parse_brdf
     from diffprt.cli.scenes import load_light, load_scene
     from diffprt.planning import plan
     from diffprt.representation import files as assets
-    from diffprt.transfer import (
-        available_memory,
-        bake,
-        check_memory,
-        check_time,
-        choose_rays,
-        discard_chunks,
-        estimate_bake,
-    )
+    from diffprt.transfer import discard_chunks, prepare
 
-    check_ending(output, ".prt")
-    threads, seconds = options.threads, options.seconds
-    glossy = [parse_brdf(text) for text in brdf]
-    if glossy:
-        own = {"--tolerance": options.tolerance, "--seconds": seconds, "--albedo": albedo}
-        refuse_with_brdf(
-            {option: value is not None for option, value in own.items()}
-            | {"--plan": planned != "off", "--operator": options.operator != "auto"}
-        )
-    elif given := [name for name in ("order_out", "bounce_rays") if vars(options)[name] is not None]:
-        option = given[0].replace("_", "-")
-        raise InputError(f"--{option} is given without --brdf: exit radiance has bands where surfaces are glossy")
-    settings = options.settings(GlossySettings if glossy else BakeSettings)
+    brdfs = [parse_brdf(text) for text in brdf]
+    if brdfs and (albedo is not None or planned != "off"):
+        given = "plan" if albedo is None else "albedo"
+        raise InputError(f"{given} is given with a BRDF: glossy bakes do not take it, leave one of them out")
     scene = load_scene(
         source,
         albedo=albedo,
@@ -87,12 +69,7 @@ def run(
     )
     for line in scene.defects.lines():
         print(f"note: {line}")
-    if glossy:
-        paths = {"output": output, "json_file": json_file}
-        bake_glossy_scene(
-            scene, source, glossy, settings, **paths, threads=threads, hours=options.hours, dry_run=dry_run
-        )
-        return
+    scene = scene.with_brdf(brdfs) if brdfs else scene
     decided = None
     if planned != "off":
         with status("planning"):
@@ -100,39 +77,17 @@ def run(
             decided = plan(scene, options.tolerance or 0.01, light=light, order=options.order, bounces=options.bounces)
         for line in decided.lines():
             print(line)
-        settings = replace(settings, order=decided.order.value, bounces=decided.bounces.value)
-    rate = None
+    job = prepare(scene, plan=decided, **vars(options))
     with status("trying a few rays"):
-        # Where a plan proves that nothing is shadowed, no ray will be traced and none need be chosen.
-        if decided is None or decided.shadows.value:
-            settings, rate = choose_rays(
-                scene, settings, rays=options.rays, tolerance=options.tolerance, seconds=seconds, threads=threads
-            )
-        estimate = estimate_bake(scene, settings, operator=options.operator, threads=threads)
+        estimate = job.estimate()
     if dry_run:
-        _print_estimate(source, settings, estimate, rate, json_file)
+        _print_estimate(source, job, json_file)
         return
-    check_memory(estimate, settings, available_memory())
-    if seconds is None:
-        check_time(estimate, options.hours)
     check_output(output)
-    parts = output.with_name(output.name + ".parts")
-    report: dict = {}
-    transfer = bake(
-        scene,
-        **settings.as_dict(),
-        sampling=rate,
-        plan=decided,
-        fill_inside=options.fill_inside,
-        operator=estimate.operator,
-        hours=math.inf,
-        threads=threads,
-        # A bake that was asked to end in some seconds is not worth resuming, and its rays depend on the clock.
-        checkpoint=parts if seconds is None else None,
-        track=track,
-        report=report,
-    )
-    size = assets.save(transfer, output)
+    parts, report = output.with_name(output.name + ".parts"), {}
+    # A bake that was asked to end in some seconds is not worth resuming, and its rays depend on the clock.
+    asset = job.run(checkpoint=parts if options.seconds is None else None, track=track, report=report)
+    size = assets.save(asset, output)
     discard_chunks(parts)
     counts, errors = report["counts"], report["errors"]
     if counts.get("resumed_chunks"):
@@ -143,7 +98,7 @@ def run(
     if errors.get("receivers_inside"):
         print(f"note: {errors['receivers_inside']:,} receivers lie inside geometry" + ", filled" * options.fill_inside)
     print(
-        f"{output}: {len(transfer.receivers):,} receivers, order {transfer.order}, {settings.rays} rays, "
+        f"{output}: {estimate.receivers:,} receivers, {_bands_text(job)}, {job.settings.rays} rays, "
         f"{size_text(size)}{_error_text(errors)}"
     )
     report |= {
@@ -154,6 +109,12 @@ def run(
     write_report(json_file, "bake", report)
 
 
+def _bands_text(job: Job) -> str:
+    """Orders, in words."""
+    out = job.settings.as_dict().get("order_out")
+    return f"order {job.settings.order}" + (f", exit order {out}" if out else "")
+
+
 def _error_text(errors: dict) -> str:
     """What is known of the error of the signal."""
     if "estimated_error" in errors:
@@ -161,15 +122,9 @@ def _error_text(errors: dict) -> str:
     return f", noise below {100 * errors['noise_relative']:.2f} %" if "noise_relative" in errors else ""
 
 
-def _bounces_text(settings: BakeSettings) -> str:
-    """How many bounces, in words."""
-    return "all bounces" if settings.bounces == CONVERGED else f"{settings.bounces} bounces"
-
-
-def _print_estimate(
-    source: str, settings: BakeSettings, estimate: Estimate, rate: SamplingRate | None, json_file: Path | None
-) -> None:
+def _print_estimate(source: str, job: Job, json_file: Path | None) -> None:
     """Expected cost, before any work."""
+    settings, estimate = job.settings, job.estimate()
     rows = [
         ["receivers", f"{estimate.receivers:,}"],
         ["rays per receiver", f"{settings.rays:,}"],
@@ -181,8 +136,9 @@ def _print_estimate(
         ["asset", size_text(estimate.asset_bytes)],
     ]
     report = {"dry_run": True, "settings": settings.as_dict(), "estimate": estimate.as_dict()}
-    if rate is not None:
-        rows.append(["error", f"{100 * rate.expected_error:.2f} %"])
-        report["sampling"] = rate.as_dict()
-    print_table(f"{source}: order {settings.order}, {_bounces_text(settings)}", ["expected", ""], rows)
+    if job.sampling is not None:
+        rows.append(["error", f"{100 * job.sampling.expected_error:.2f} %"])
+        report["sampling"] = job.sampling.as_dict()
+    bounces = "all bounces" if settings.bounces == CONVERGED else f"{settings.bounces} bounces"
+    print_table(f"{source}: {_bands_text(job)}, {bounces}", ["expected", ""], rows)
     write_report(json_file, "bake", report)

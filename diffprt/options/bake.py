@@ -86,6 +86,12 @@ class GlossySettings(BakeSettings):
             raise InputError(f"ridge is {self.ridge}: give 0 or more")
 
 
+def check_tolerance(tolerance: float) -> None:
+    """Refuses what is no share of the signal."""
+    if not 0 < tolerance < 1:
+        raise InputError(f"tolerance is {tolerance}: give a share between 0 and 1, such as 0.01")
+
+
 def _option(default: object, text: str) -> object:
     return field(default=default, metadata={"help": text})
 
@@ -127,8 +133,8 @@ class BakeOptions:
         given = [name for name in ("rays", "tolerance", "seconds") if getattr(self, name) is not None]
         if len(given) > 1:
             raise InputError(f"{' and '.join(given)} were given together: give one of them")
-        if self.tolerance is not None and not 0 < self.tolerance < 1:
-            raise InputError(f"tolerance is {self.tolerance}: give a share between 0 and 1, such as 0.01")
+        if self.tolerance is not None:
+            check_tolerance(self.tolerance)
         if self.seconds is not None and not 0 < self.seconds < math.inf:
             raise InputError(f"seconds is {self.seconds}: give a positive time, such as 20")
         self.settings()
@@ -137,3 +143,11 @@ class BakeOptions:
         """The preset of the quality, with what is `planned`, and then with what is asked for, in its place."""
         asked = {f.name: value for f in fields(kind) if (value := getattr(self, f.name)) is not None}
         return kind(**(QUALITIES[self.quality] | planned | asked))
+
+    def of(self, kind: type[BakeOptions]) -> dict:
+        """Those options that `kind` has, as keywords."""
+        return {f.name: getattr(self, f.name) for f in fields(kind)}
+
+    def beyond(self, kind: type[BakeOptions]) -> dict:
+        """Those that it does not have."""
+        return {name: value for name, value in vars(self).items() if name not in self.of(kind)}

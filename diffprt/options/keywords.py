@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import inspect
 from collections.abc import Callable
+from dataclasses import fields
 from typing import Concatenate, Generic, ParamSpec, Protocol, TypeVar, overload
 
 P = ParamSpec("P")
@@ -28,22 +29,28 @@ class Taking(Protocol, Generic[P, Options]):
 def takes(options: Callable[P, Options]) -> Taking[P, Options]:
     """Turns f(subject, ..., options) into f(subject, ..., *, a keyword for every field of `options`).
 
-    The result's signature names them all, for people (`help`) and for type checkers.
+    The result's signature and docstring name them all, for people (`help`) and for type checkers.
     """
-    fields = inspect.signature(options).parameters.values()
+    keywords = inspect.signature(options).parameters.values()
 
     def decorate(function: Callable) -> Callable:
         own = inspect.signature(function)
         *leading, _ = own.parameters.values()
-        signature = own.replace(parameters=[*leading, *fields])
+        signature = own.replace(parameters=[*leading, *keywords])
 
         @functools.wraps(function)
-        def called(*arguments: object, **keywords: object) -> object:
-            given = signature.bind(*arguments, **keywords).arguments
+        def called(*arguments: object, **named: object) -> object:
+            given = signature.bind(*arguments, **named).arguments
             subjects = [given.pop(parameter.name) for parameter in leading]
             return function(*subjects, options(**given))
 
         called.__signature__ = signature
+        called.__doc__ = f"{inspect.getdoc(function)}\n\nOptions:\n{_help(options)}"
         return called
 
     return decorate
+
+
+def _help(options: Callable) -> str:
+    """A line for each field."""
+    return "\n".join(f"    {f.name}: {f.metadata['help']}" for f in fields(options) if "help" in f.metadata)

@@ -7,9 +7,11 @@ from dataclasses import dataclass
 import torch
 
 from diffprt.errors import InputError
+from diffprt.kernels import TriangleMesh
 from diffprt.scene import Scene
 from diffprt.scene.resolution import offset_remark
 from diffprt.surface.receivers import Receivers
+from diffprt.surface.sampling import Pattern
 
 
 @dataclass(frozen=True)
@@ -56,6 +58,23 @@ class Surfaces:
             through if bool(through.any()) else None,
         )
         return Surfaces(geometry.positions, geometry.faces, receivers, source_of_corner)
+
+    def mesh(self, threads: int | None = None) -> TriangleMesh:
+        """The triangles to trace against: built once, on `threads` CPU threads (all without), and not pickled."""
+        if "_mesh" not in self.__dict__:
+            self.__dict__["_mesh"] = TriangleMesh(self.positions, self.faces, threads=threads)
+        return self.__dict__["_mesh"]
+
+    def __getstate__(self) -> dict:
+        return {name: value for name, value in self.__dict__.items() if name != "_mesh"}
+
+    def pattern(self, receivers: Receivers, rays: int, seed: int) -> Pattern:
+        """Directions of `rays` rays for any receivers; see `Receivers.scramble`."""
+        return Pattern.create(rays, self.scramble(receivers, seed))
+
+    def scramble(self, receivers: Receivers, seed: int) -> torch.Tensor:
+        """`Receivers.scramble` in the box of these surfaces, int64 [V]."""
+        return receivers.scramble(seed, self.positions.amin(0), self.diagonal)
 
     @property
     def diagonal(self) -> float:

@@ -185,7 +185,7 @@ NAMES = [
 def test_every_mistake_is_one_clear_line(name, folder, tmp_path, capsys, monkeypatch):
     table = mistakes(folder, tmp_path)
     if name == "too much memory":
-        monkeypatch.setattr("diffprt.transfer.available_memory", lambda: 1 << 20)
+        monkeypatch.setattr("diffprt.transfer.baking.estimate.available_memory", lambda: 1 << 20)
     assert set(table) == set(NAMES)
     arguments, wanted = table[name]
     before = {p: p.stat().st_mtime_ns for p in tmp_path.rglob("*") if p.is_file()}

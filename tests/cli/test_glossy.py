@@ -92,33 +92,31 @@ def test_dry_run_prints_and_does_nothing(tmp_path, capsys):
         (("--brdf", "ggx:roughness=0"), "roughness is 0.0: give 0.001 to 1"),
         (("--brdf", "ggx", "--order-out", 11), "order 11 is outside 1..10"),
         (("--brdf", "ggx", "--bounces", "converged"), "bounces is 'converged'"),
-        (("--brdf", "ggx", "--tolerance", 0.1), "--tolerance is given with --brdf"),
-        (("--brdf", "ggx", "--seconds", 5), "--seconds is given with --brdf"),
-        (("--brdf", "ggx", "--plan", "sky"), "--plan is given with --brdf"),
-        (("--brdf", "ggx", "--albedo", 0.5), "--albedo is given with --brdf"),
-        (("--brdf", "ggx", "--operator", "recompute"), "--operator is given with --brdf"),
+        (("--brdf", "ggx", "--tolerance", 0.1), "tolerance is given with a BRDF"),
+        (("--brdf", "ggx", "--seconds", 5), "seconds is given with a BRDF"),
+        (("--brdf", "ggx", "--plan", "sky"), "plan is given with a BRDF"),
+        (("--brdf", "ggx", "--albedo", 0.5), "albedo is given with a BRDF"),
+        (("--brdf", "ggx", "--operator", "recompute"), "operator is given with a BRDF"),
         (("--brdf", "ggx", "--brdf", "phong", "--brdf", "ggx"), "3 BRDFs for 2 materials"),
         (("--brdf", "ggx", "--hours", 1e-7), "allow it with --hours 1"),
-        (("--order-out", 3), "--order-out is given without --brdf"),
-        (("--bounce-rays", 64), "--bounce-rays is given without --brdf"),
+        (("--bounce-rays", 64), "bounce_rays is given, and no material"),
+        (("--order-out", 3), "order_out is given, and no material of scene 'wall_and_floor' has a BRDF"),
     ],
     ids=lambda value: " ".join(map(str, value)) if isinstance(value, tuple) else None,
 )
 def test_mistakes_are_one_line(options, message, tmp_path, capsys):
-    assert (
-        run("bake", "builtin:wall_and_floor", "--order", 3, "--quality", "draft", *options, "-o", tmp_path / "a.prt")
-        == 2
-    )
+    rays = () if {"--tolerance", "--seconds"} & set(options) else ("--rays", 64)
+    assert run("bake", "builtin:wall_and_floor", "--order", 3, *rays, *options, "-o", tmp_path / "a.prt") == 2
     error = capsys.readouterr().err
     assert error.startswith("diffprt: ") and error.count("\n") == 1 and message in error
     assert list(tmp_path.iterdir()) == []
 
 
 def test_too_large_for_memory(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("diffprt.transfer.available_memory", lambda: 1 << 20)
+    monkeypatch.setattr("diffprt.transfer.baking.estimate.available_memory", lambda: 1 << 20)
     assert run("bake", "builtin:wall_and_floor", "--brdf", "ggx", *SMALL, "-o", tmp_path / "a.prt") == 2
     error = capsys.readouterr().err
-    assert "0.00 GiB are free: use a lower --order (now 3) or --order-out (now 3)" in error
+    assert "0.00 GiB are free: use a lower --order (now 3), a lower --order-out (now 3) or" in error
     assert list(tmp_path.iterdir()) == []
 
 

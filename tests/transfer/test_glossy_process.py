@@ -11,8 +11,8 @@ from diffprt.errors import InputError, Interrupted
 from diffprt.options.bake import GlossySettings
 from diffprt.scene import Scene
 from diffprt.surface import Surfaces
-from diffprt.transfer import bake_glossy, check_glossy_memory, check_glossy_time, discard_chunks, estimate_glossy
-from diffprt.transfer.baking.glossy_estimate import glossy_memory
+from diffprt.transfer import bake_glossy, discard_chunks, prepare
+from diffprt.transfer.glossy.estimate import glossy_memory
 
 
 def test_order_6_and_more_go_through(bumpy):
@@ -36,23 +36,25 @@ def test_vertices_may_come_in_any_order(bumpy):
     assert float(off.quantile(0.95)) < 0.02
 
 
-def test_estimate_knows_sizes(bumpy):
-    small, large = (GlossySettings(order, 64, 1, order_out=2) for order in (2, 4))
-    one, two = (estimate_glossy(bumpy, GGX(0.5), s, threads=1) for s in (small, large))
-    signal = bake_glossy(bumpy, GGX(0.5), **small.as_dict()).nbytes
+def test_estimate_knows_sizes(bumpy, monkeypatch):
+    options = {"rays": 64, "bounces": 1, "order_out": 2, "threads": 1, "hours": 1e-9}
+    jobs = [prepare(bumpy.with_brdf(GGX(0.5)), order=order, **options) for order in (2, 4)]
+    one, two = (job.estimate() for job in jobs)
+    signal = bake_glossy(bumpy, GGX(0.5), **jobs[0].settings.as_dict()).nbytes
     assert signal < one.asset_bytes < signal + 100 * len(Surfaces.of(bumpy).receivers)
     assert two.memory_bytes > one.memory_bytes > 2 * signal
     assert one.rays == one.receivers * (64 + 256) and one.seconds > 0
     with pytest.raises(InputError, match=r"allow it with --hours \d+"):
-        check_glossy_time(one, 1e-9)
+        jobs[0].run()
+    monkeypatch.setattr("diffprt.transfer.baking.estimate.available_memory", lambda: 1000)
     with pytest.raises(InputError, match=r"0\.00 GiB are free: use a lower --order \(now 2\)"):
-        check_glossy_memory(one.memory_bytes, 1000, small)
+        jobs[0].run()
 
 
 def test_a_bake_beyond_memory_is_refused_before_work(bumpy, monkeypatch):
-    monkeypatch.setattr("diffprt.transfer.glossy.available_memory", lambda: 1 << 16)
-    monkeypatch.setattr("diffprt.transfer.glossy.GlossyMaterials.of", lambda *_: pytest.fail("work began"))
-    with pytest.raises(InputError, match="this glossy bake needs about"):
+    monkeypatch.setattr("diffprt.transfer.baking.estimate.available_memory", lambda: 1 << 16)
+    monkeypatch.setattr("diffprt.transfer.glossy.materials.GlossyMaterials.of", lambda *_: pytest.fail("work began"))
+    with pytest.raises(InputError, match="this bake needs about"):
         bake_glossy(bumpy, GGX(0.5), order=3, rays=64)
 
 
@@ -69,14 +71,14 @@ def test_ctrl_c_says_what_is_lost(bumpy, monkeypatch):
         raise KeyboardInterrupt
 
     monkeypatch.setattr("diffprt.transfer.glossy.passes.GlossyPasses.shadows", stop)
-    with pytest.raises(Interrupted, match="0 of 1 chunks of shadows were done, and nothing is kept"):
+    with pytest.raises(Interrupted, match="0 of 2 chunks were done, and nothing is kept"):
         bake_glossy(bumpy, GGX(0.5), order=2, rays=64)
 
 
 @pytest.mark.parametrize("passes", [0, 1, 2])
 def test_stopped_in_any_pass_and_resumed(passes, bumpy, tmp_path, monkeypatch):
     """Hard case 30: in the shadow pass, the first or the second bounce; finished chunks are not computed again."""
-    monkeypatch.setattr("diffprt.transfer.baking.glossy_chunks.RECEIVERS_PER_CHUNK", 128)
+    monkeypatch.setattr("diffprt.transfer.glossy.passes.RECEIVERS_PER_CHUNK", 128)
     options = {"order": 2, "order_out": 3, "rays": 32, "bounces": 2, "bounce_rays": 32}
     begun = []
 
@@ -93,7 +95,7 @@ def test_stopped_in_any_pass_and_resumed(passes, bumpy, tmp_path, monkeypatch):
         yield advance
 
     brdf = GGX(0.5, diffuse=(0.3, 0.2, 0.1), specular=0.6)
-    with pytest.raises(Interrupted, match=r"interrupted: \d+ of 18 chunks of all passes were done, and are kept in"):
+    with pytest.raises(Interrupted, match=r"interrupted: \d+ of 18 chunks were done, and are kept in"):
         bake_glossy(bumpy, brdf, **options, checkpoint=tmp_path / "parts", track=impatient)
     assert [total for _, total, _ in begun] == [6] * (passes + 1)
     report: dict = {}

@@ -8,10 +8,10 @@ import torch
 from tolerances import FLOAT32
 
 from diffprt.errors import InputError
-from diffprt.options.bake import BakeSettings
 from diffprt.scene import builtin_scene
-from diffprt.transfer import bake, check_memory, check_time, estimate_bake, trace
+from diffprt.transfer import bake, prepare, trace
 from diffprt.transfer.baking import estimate
+from diffprt.transfer.baking.estimate import check_time
 from diffprt.transfer.diffuse import retrace
 
 
@@ -36,17 +36,20 @@ def test_recomputed_hits_give_the_same_transfer_and_gradient(bounces, monkeypatc
 
 
 def test_memory_decides_and_recomputing_needs_less(bumpy, monkeypatch):
-    assert estimate_bake(bumpy, BakeSettings(order=2, rays=256, bounces=2)).operator == "stored"
+    assert prepare(bumpy, order=2, rays=256, bounces=2).estimate().operator == "stored"
     room = builtin_scene("closed_box", subdivisions=6)
-    settings = BakeSettings(order=2, rays=2048, bounces=2)
-    stored, again = (estimate_bake(room, settings, operator=name) for name in ("stored", "recompute"))
+    options = {"order": 2, "rays": 2048, "bounces": 2}
+    jobs = [prepare(room, **options, operator=name) for name in ("stored", "recompute")]
+    stored, again = (job.estimate() for job in jobs)
     assert again.memory_bytes < 0.5 * stored.memory_bytes
     monkeypatch.setattr(estimate, "available_memory", lambda: (stored.memory_bytes + again.memory_bytes) // 2)
-    assert estimate_bake(room, settings).operator == "recompute"
+    assert prepare(room, **options).estimate().operator == "recompute"
+    monkeypatch.setattr(estimate, "available_memory", lambda: again.memory_bytes)
     with pytest.raises(InputError, match=r"use fewer --rays, a coarser mesh or --operator recompute"):
-        check_memory(stored, settings, again.memory_bytes)
+        jobs[0].run()
+    monkeypatch.setattr(estimate, "available_memory", lambda: 1 << 20)
     with pytest.raises(InputError, match=r"or --bounces 0"):
-        check_memory(again, settings, 1 << 20)
+        jobs[1].run()
 
 
 def test_bake_refuses_before_it_traces(bumpy, monkeypatch):
@@ -56,7 +59,7 @@ def test_bake_refuses_before_it_traces(bumpy, monkeypatch):
     ):
         bake(bumpy, order=2, rays=1 << 20, bounces=1, hours=1e-3)
     monkeypatch.setattr(estimate, "available_memory", lambda: 1 << 26)
-    with pytest.raises(InputError, match=r"needs about .* GiB and 0.1 GiB are free"):
+    with pytest.raises(InputError, match=r"needs about .* GiB and 0.06 GiB are free"):
         bake(bumpy, order=2, rays=1 << 20, bounces=1)
     with pytest.raises(InputError, match=r"needs about"):
         trace(bumpy, order=10, rays=1024, operator="stored")
@@ -64,10 +67,10 @@ def test_bake_refuses_before_it_traces(bumpy, monkeypatch):
 
 
 def test_a_time_that_is_allowed_is_allowed(bumpy):
-    expected = replace(estimate_bake(bumpy, BakeSettings(order=1, rays=64, bounces=0)), seconds=7200.0)
-    check_time(expected, 2.5)
+    expected = replace(prepare(bumpy, order=1, rays=64, bounces=0).estimate(), seconds=7200.0)
+    check_time(expected, 2.5, "wait")
     with pytest.raises(InputError, match=r"about 2.0 hours .* --hours 2$"):
-        check_time(expected, 1.0)
+        check_time(expected, 1.0, "wait")
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from diffprt.errors import InputError, Interrupted
 from diffprt.options.bake import BakeSettings
 from diffprt.representation import files as asset
 from diffprt.scene import builtin_scene
-from diffprt.transfer import bake, check_memory, discard_chunks, estimate_bake
+from diffprt.transfer import bake, discard_chunks, prepare
 
 OPTIONS = {"order": 3, "rays": 512, "bounces": 1}
 
@@ -89,7 +89,7 @@ def test_interrupt_in_python_keeps_finished_chunks(bumpy, tmp_path):
         yield advance
 
     options = {"order": 3, "rays": 4096, "bounces": 1}
-    with pytest.raises(Interrupted, match=r"interrupted: \d+ of \d+ chunks are kept"):
+    with pytest.raises(Interrupted, match=r"interrupted: \d+ of \d+ chunks were done, and are kept"):
         bake(bumpy, **options, checkpoint=tmp_path / "parts", track=impatient)
     report: dict = {}
     resumed = bake(bumpy, **options, checkpoint=tmp_path / "parts", report=report)
@@ -127,9 +127,9 @@ def test_options_out_of_range_are_named(bumpy, options, message):
         bake(bumpy, **options)
 
 
-def test_estimate_is_near_and_refuses_what_does_not_fit(bumpy):
+def test_estimate_is_near_and_refuses_what_does_not_fit(bumpy, monkeypatch):
     settings = BakeSettings(order=4, rays=2048, bounces=1)
-    estimate = estimate_bake(bumpy, settings)
+    estimate = prepare(bumpy, **settings.as_dict()).estimate()
     report: dict = {}
     transfer = bake(bumpy, **settings.as_dict(), report=report)
     assert estimate.receivers == len(transfer.receivers)
@@ -137,5 +137,6 @@ def test_estimate_is_near_and_refuses_what_does_not_fit(bumpy):
     assert report["counts"]["operator_entries"] <= 1.3 * estimate.operator_entries
     spent = report["timings"]["total"]
     assert 0.1 * spent < estimate.seconds < 10 * spent
+    monkeypatch.setattr("diffprt.transfer.baking.estimate.available_memory", lambda: 1 << 20)
     with pytest.raises(InputError, match=r"needs about .* GiB .* use fewer --rays"):
-        check_memory(estimate_bake(bumpy, BakeSettings(rays=1 << 20)), settings, 1 << 20)
+        bake(bumpy, rays=1 << 20)

@@ -14,7 +14,7 @@ from diffprt.options.bake import BakeSettings
 from diffprt.scene import Scene, builtin_scene
 from diffprt.surface import Surfaces
 from diffprt.surface.sampling import Pattern
-from diffprt.transfer import bake, choose_rays, rays_for_tolerance
+from diffprt.transfer import bake, prepare, rays_for_tolerance
 from diffprt.transfer.baking.trial import reflected_light, some_receivers, trace_some
 
 
@@ -149,4 +149,4 @@ def test_seconds_are_kept_roughly_and_reported(bumpy, seconds):
 )
 def test_what_cannot_be_kept_is_named(bumpy, options, message):
     with pytest.raises(InputError, match=message):
-        choose_rays(bumpy, BakeSettings(), **options)
+        _ = prepare(bumpy, **options).settings

@@ -17,7 +17,7 @@ from diffprt.scene import Material, Mesh, Scene, builtin_scene
 from diffprt.surface import Receivers, StoredOperator
 from diffprt.surface.operator import OperatorRows
 from diffprt.surface.sides import Sides
-from diffprt.transfer import bake, estimate_bake, interreflect, rays_for_tolerance, trace
+from diffprt.transfer import bake, interreflect, prepare, rays_for_tolerance, trace
 from diffprt.transfer.diffuse.direct import open_transfer
 from diffprt.transfer.diffuse.sheets import SheetOperator
 
@@ -180,7 +180,7 @@ def test_estimates_count_both_sides_and_tolerance_is_met():
     """From above the sheet is exact; noise comes from below, where trials must look too."""
     scene = Scene((square(0.3), square(0.0, 4.0, material=1)), (Material(0.8, transmission=0.7), Material(0.5)))
     settings = BakeSettings(order=3, rays=256, bounces=1)
-    assert estimate_bake(scene, settings).rays == 256 * 3 * 81
+    assert prepare(scene, **settings.as_dict()).estimate().rays == 256 * 3 * 81
     rate = rays_for_tolerance(scene, settings, 0.02)
     truth = bake(scene, order=3, rays=16 * rate.rays, bounces=1, seed=9).diffuse
     found = bake(scene, order=3, rays=rate.rays, bounces=1).diffuse

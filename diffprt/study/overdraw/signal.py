@@ -17,7 +17,7 @@ from diffprt.errors import InputError
 from diffprt.scene import Scene
 from diffprt.surface import Receivers, Surfaces
 from diffprt.transfer import bake
-from diffprt.transfer.baking.glossy import bake_glossy
+from diffprt.transfer.baking.bake import bake_glossy
 from diffprt.transfer.glossy.shadow_matrix import shadow_matrices
 
 # A gray BRDF that three channels are asked of: what colors light has another shape than what does not.

@@ -8,13 +8,11 @@ from dataclasses import replace
 
 import torch
 
-from diffprt.kernels import TriangleMesh, default_threads
 from diffprt.options.bake import BakeSettings
-from diffprt.progress import untracked
 from diffprt.scene import Scene
-from diffprt.surface.sampling import Pattern
 from diffprt.surface.surfaces import Surfaces
 from diffprt.transfer.baking.trial import reflected_light, some_receivers, trace_some
+from diffprt.transfer.diffuse.tracing import Tracing
 from diffprt.transfer.diffuse.transport import trace_transport
 
 # Ray counts nearer than this are not told apart: between them the error is taken for a power law.
@@ -41,7 +39,7 @@ class Truth:
 
     def __init__(self, scene: Scene, settings: BakeSettings, *, most_rays: int) -> None:
         surfaces = Surfaces.of(scene)
-        mesh = TriangleMesh(surfaces.positions, surfaces.faces)
+        mesh = surfaces.mesh()
         every = surfaces.receivers
         size = max(1, min(len(every), most_rays // settings.rays))
         seed = settings.seed ^ _OTHER_SEED
@@ -53,24 +51,12 @@ class Truth:
         if settings.reflects:
             self.reflection_rays = min(settings.rays, max(1, most_rays // len(every)))
             before = replace(settings, rays=self.reflection_rays, bounces=settings.bounces - 1, seed=seed + 1)
-            transport = trace_transport(
-                surfaces,
-                mesh,
-                every,
-                before,
-                scene_hash="",
-                threads=default_threads(),
-                folder=None,
-                track=untracked,
-                report={"timings": {}, "counts": {}},
-                fill_inside=False,
-            )
+            transport = trace_transport(Tracing(surfaces, every, before), fill_inside=False)
             reflected = reflected_light(surfaces, transport.transfer().diffuse)
         receivers = some_receivers(every, self.pick, mesh.ray_offset())
 
         def traced(rays: int, seed: int) -> torch.Tensor:
-            scramble = receivers.scramble(seed, surfaces.positions.amin(0), surfaces.diagonal)
-            pattern = Pattern.create(rays, scramble)
+            pattern = surfaces.pattern(receivers, rays, seed)
             return trace_some(surfaces, mesh, receivers, pattern, settings.order, reflected=reflected)[0]
 
         self._traced, self._seed = traced, settings.seed

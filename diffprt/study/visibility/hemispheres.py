@@ -46,8 +46,7 @@ class Hemispheres:
         rows = (first[:, None] + torch.arange(_RUN)).flatten()
         rows = receivers.along_curve()[rows[rows < len(receivers)]]
         times = max(1, round(wanted / (rays * len(rows)))) if some == runs else 1
-        low, diagonal = surfaces.positions.amin(0), surfaces.diagonal
-        scramble = torch.cat([receivers.scramble(seed + again, low, diagonal)[rows] for again in range(times)])
+        scramble = torch.cat([surfaces.scramble(receivers, seed + again)[rows] for again in range(times)])
         # Origins come from all receivers: what moves them off a border is in their triangles.
         origins = receivers.origins(offset)[rows].repeat(times, 1)
         return Hemispheres(origins, receivers.normals[rows].repeat(times, 1), Pattern.create(rays, scramble))

@@ -6,10 +6,12 @@ import math
 from dataclasses import dataclass, replace
 
 from diffprt.errors import InputError
-from diffprt.options.bake import BakeSettings
+from diffprt.kernels import default_threads
+from diffprt.options.bake import BakeSettings, check_tolerance
 from diffprt.scene import Scene
-from diffprt.transfer.baking.estimate import estimate_bake
+from diffprt.surface.surfaces import Surfaces
 from diffprt.transfer.baking.trial import Trial, TrialReceivers
+from diffprt.transfer.diffuse.estimate import estimate_diffuse
 
 _FEWEST, _MOST = 32, 1 << 18
 _PACKET = 16
@@ -72,8 +74,7 @@ def rays_for_tolerance(
     Raises:
         InputError: the tolerance is out of range, or calls for more than 262144 rays.
     """
-    if not 0 < tolerance < 1:
-        raise InputError(f"tolerance is {tolerance}: give a share between 0 and 1, such as 0.01")
+    check_tolerance(tolerance)
     sample = TrialReceivers(scene, settings, threads)
     trials = {_FEWEST: sample.measure(_FEWEST)}
     # Without any error every trial receiver is open or in the dark: none of them sees a surface that is lit.
@@ -102,11 +103,13 @@ def rays_for_seconds(
     """The most rays that fit into `seconds` of baking on this machine; expected error from the same trial.
 
     Raises:
-        InputError: the time is not positive, or too short for 32 rays.
+        InputError: the time is too short for 32 rays.
     """
-    if not 0 < seconds < math.inf:
-        raise InputError(f"seconds is {seconds}: give a positive time, such as 20")
-    low, high = (estimate_bake(scene, replace(settings, rays=rays), threads=threads).seconds for rays in (256, 4096))
+    surfaces, threads = Surfaces.of(scene), threads or default_threads()
+    low, high = (
+        estimate_diffuse(surfaces, surfaces.receivers, replace(settings, rays=rays), "auto", threads).seconds
+        for rays in (256, 4096)
+    )
     per_ray = max((high - low) / (4096 - 256), 1e-12)
     fixed = max(low - 256 * per_ray, 0.0)
     affordable = (0.9 * seconds - fixed) / per_ray
@@ -121,34 +124,6 @@ def rays_for_seconds(
         sample.see_reflections(_rays_for_reflections(chosen))
     trials = {rays: sample.measure(rays) for rays in (_FEWEST, _STEP * _FEWEST)}
     return _rate(chosen, _Forecast(trials), sample, trials)
-
-
-def choose_rays(
-    scene: Scene,
-    settings: BakeSettings,
-    *,
-    rays: int | None = None,
-    tolerance: float | None = None,
-    seconds: float | None = None,
-    threads: int | None = None,
-) -> tuple[BakeSettings, SamplingRate | None]:
-    """The settings with the rays that a tolerance or a time calls for; as they are where neither is given.
-
-    Raises:
-        InputError: more than one of rays, tolerance and seconds is given, or one is out of range.
-    """
-    given = [
-        name for name, value in (("rays", rays), ("tolerance", tolerance), ("seconds", seconds)) if value is not None
-    ]
-    if len(given) > 1:
-        raise InputError(f"{' and '.join(given)} were given together: give one of them")
-    if tolerance is not None:
-        rate = rays_for_tolerance(scene, settings, tolerance, threads=threads)
-    elif seconds is not None:
-        rate = rays_for_seconds(scene, settings, seconds, threads=threads)
-    else:
-        return settings, None
-    return replace(settings, rays=rate.rays), rate
 
 
 class _Forecast:

@@ -9,7 +9,6 @@ import torch
 
 from diffprt.kernels import TriangleMesh, run_chunks
 from diffprt.options.bake import CONVERGED, BakeSettings
-from diffprt.progress import untracked
 from diffprt.scene import Scene
 from diffprt.surface.operator import StoredOperator
 from diffprt.surface.receivers import Receivers
@@ -17,6 +16,7 @@ from diffprt.surface.sampling import Pattern
 from diffprt.surface.sides import Sides
 from diffprt.surface.surfaces import Surfaces
 from diffprt.transfer.diffuse.direct import DirectTracer, direct_transfer
+from diffprt.transfer.diffuse.tracing import Tracing
 from diffprt.transfer.diffuse.transport import trace_transport
 
 # The error of a sample falls like S^-1/2 and its cost grows like S: their sum is least near V^(2/3).
@@ -48,7 +48,7 @@ class TrialReceivers:
 
     def __init__(self, scene: Scene, settings: BakeSettings, threads: int | None = None) -> None:
         self._surfaces = Surfaces.of(scene)
-        self._mesh = TriangleMesh(self._surfaces.positions, self._surfaces.faces)
+        self._mesh = self._surfaces.mesh(threads)
         self._settings, self._threads = settings, threads
         self._reflected: torch.Tensor | None = None
         # Traces of a bake use the seed itself, trials those after it.
@@ -71,17 +71,7 @@ class TrialReceivers:
         bounces = self._settings.bounces
         before = bounces if bounces == CONVERGED else bounces - 1
         settings = replace(self._settings, rays=rays, bounces=before, seed=self._next_seed())
-        transport = trace_transport(
-            self._surfaces,
-            self._mesh,
-            every,
-            settings,
-            scene_hash="",
-            threads=self._threads,
-            folder=None,
-            track=untracked,
-            report={"timings": {}, "counts": {}},
-        )
+        transport = trace_transport(Tracing(self._surfaces, every, settings), threads=self._threads)
         self.traced += rays * every.sides
         self._reflected = reflected_light(self._surfaces, transport.transfer().diffuse)
 
@@ -110,14 +100,12 @@ class TrialReceivers:
         return math.sqrt(float(error.square().sum(-1).mean()) / size) if size > 0 else 0.0
 
     def _trace(self, rays: int) -> tuple[torch.Tensor, torch.Tensor]:
-        low = self._surfaces.positions.amin(0)
-        scramble = self._receivers.scramble(self._next_seed(), low, self._surfaces.diagonal)
         self.traced += rays * len(self._receivers)
         transfer, error = trace_some(
             self._surfaces,
             self._mesh,
             self._receivers,
-            Pattern.create(rays, scramble),
+            self._surfaces.pattern(self._receivers, rays, self._next_seed()),
             self._settings.order,
             reflected=self._reflected,
             threads=self._threads,
@@ -175,9 +163,9 @@ def trace_some(
         gathered = None if rows is None else StoredOperator([rows], sources).gather(reflected)
         parts[chunk] = torch.from_numpy(sums), torch.from_numpy(blocked), gathered
 
-    for _ in run_chunks(work, range(tracer.chunks), threads=threads):
+    for _ in run_chunks(work, range(len(tracer.cut)), threads=threads):
         pass
-    sums, blocked, gathered = zip(*(parts[chunk] for chunk in range(tracer.chunks)), strict=True)
+    sums, blocked, gathered = zip(*(parts[chunk] for chunk in range(len(tracer.cut))), strict=True)
     direct, error = direct_transfer(receivers.normals, torch.cat(sums, dim=1), torch.cat(blocked), tracer.rays)
     transfer = direct.double() if reflected is None else direct.double() + torch.cat(gathered).double()
     return transfer, error.double()

@@ -18,6 +18,12 @@ from diffprt.transfer.diffuse.interreflection import rows_from_hits
 _RAYS_PER_CHUNK = 1 << 18
 
 
+def chunk_rows(receivers: int, rays: int) -> list[range]:
+    """Runs of receivers whose `rays` keep a thread busy for a moment; they do not depend on the number of threads."""
+    size = max(1, min(4096, _RAYS_PER_CHUNK // rays))
+    return [range(first, min(first + size, receivers)) for first in range(0, receivers, size)]
+
+
 class DirectTracer:
     """Traces the hemispheres of receivers against a mesh.
 
@@ -41,23 +47,14 @@ class DirectTracer:
     ) -> None:
         self.count, self.rays, self.sources = len(receivers), len(pattern.spiral), sources
         self.source_of_corner = source_of_corner
-        self.size = max(1, min(4096, _RAYS_PER_CHUNK // self.rays))
+        self.cut = chunk_rows(self.count, self.rays)
         tables = sh.recurrence_tables(order, torch.float32) if order else ()
         origins = receivers.origins(mesh.ray_offset())
         self._tracer = HemisphereTracer(mesh, origins, receivers.normals, pattern, order, tables)
 
-    @property
-    def chunks(self) -> int:
-        """Number of chunks; the cut does not depend on the number of threads."""
-        return math.ceil(self.count / self.size)
-
-    def rows(self, chunk: int) -> range:
-        """Receivers of a chunk."""
-        return range(chunk * self.size, min((chunk + 1) * self.size, self.count))
-
     def trace(self, chunk: int) -> tuple[np.ndarray, np.ndarray, OperatorRows | None]:
         """Sums float32 [2, rows, K] and blocked rays int32 [rows] for `direct_transfer`, and rows of G."""
-        return self.trace_rows(self.rows(chunk))
+        return self.trace_rows(self.cut[chunk])
 
     def trace_rows(self, rows: range) -> tuple[np.ndarray, np.ndarray, OperatorRows | None]:
         """As `trace`, for any run of receivers."""

@@ -46,9 +46,9 @@ class RetracedOperator(BounceOperator):
     def _blocks(self) -> Iterator[tuple[torch.Tensor, StoredOperator]]:
         """Some receivers and their rows of G, in order: sums do not depend on which thread is first."""
         tracer = self._tracer
-        step = max(1, RAYS_PER_BLOCK // (tracer.size * tracer.rays))
-        for first in range(0, tracer.chunks, step):
-            chunks = range(first, min(first + step, tracer.chunks))
+        step = max(1, RAYS_PER_BLOCK // (len(tracer.cut[0]) * tracer.rays))
+        for first in range(0, len(tracer.cut), step):
+            chunks = range(first, min(first + step, len(tracer.cut)))
             parts: dict[int, OperatorRows] = {}
 
             def work(chunk: int, parts: dict[int, OperatorRows] = parts) -> None:
@@ -57,5 +57,5 @@ class RetracedOperator(BounceOperator):
             with closing(run_chunks(work, chunks, threads=self._threads)) as running:
                 for _ in running:
                     pass
-            rows = self._order[tracer.rows(chunks[0]).start : tracer.rows(chunks[-1]).stop]
+            rows = self._order[tracer.cut[chunks[0]].start : tracer.cut[chunks[-1]].stop]
             yield rows, StoredOperator([parts[chunk] for chunk in chunks], self.sources)

@@ -2,32 +2,29 @@
 
 from __future__ import annotations
 
-from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 import torch
 
-from diffprt.errors import InputError, Interrupted
-from diffprt.kernels import TriangleMesh, run_chunks
+from diffprt.errors import InputError
+from diffprt.kernels import default_threads
 from diffprt.options.bake import CONVERGED, BakeSettings
-from diffprt.progress import Track, timed
+from diffprt.progress import Track, timed, untracked
 from diffprt.representation.provenance import Provenance
-from diffprt.surface.operator import BounceOperator, OperatorRows, StoredOperator
+from diffprt.surface.operator import BounceOperator, StoredOperator
 from diffprt.surface.receivers import Receivers
-from diffprt.surface.sampling import Pattern
-from diffprt.surface.sides import Sides
-from diffprt.surface.surfaces import Surfaces
-from diffprt.transfer.baking.chunks import ChunkStore
+from diffprt.transfer.baking.chunks import run_passes
 from diffprt.transfer.diffuse.convergence import converge
-from diffprt.transfer.diffuse.direct import DirectTracer, direct_transfer
+from diffprt.transfer.diffuse.direct import direct_transfer
 from diffprt.transfer.diffuse.inside import Fill, FilledOperator, find_inside
 from diffprt.transfer.diffuse.interreflection import interreflect
 from diffprt.transfer.diffuse.openness import bent_normals, openness
 from diffprt.transfer.diffuse.retrace import RetracedOperator
 from diffprt.transfer.diffuse.sheets import SheetOperator
 from diffprt.transfer.diffuse.signal import Transfer
+from diffprt.transfer.diffuse.tracing import Tracing
 
 
 @dataclass(frozen=True)
@@ -107,24 +104,19 @@ class Transport:
 
 
 def trace_transport(
-    surfaces: Surfaces,
-    mesh: TriangleMesh,
-    receivers: Receivers,
-    settings: BakeSettings,
+    tracing: Tracing,
     *,
-    scene_hash: str,
-    threads: int,
-    folder: Path | None,
-    track: Track,
-    report: dict,
-    store_operator: bool = True,
     fill_inside: bool = True,
+    threads: int | None = None,
+    folder: Path | None = None,
+    track: Track = untracked,
+    report: dict | None = None,
 ) -> Transport:
-    """Traces `receivers` against `mesh` in resumable chunks.
+    """Traces receivers in resumable chunks.
 
     Args:
-        store_operator: False traces the bounce operator again for every product.
         fill_inside: see `diffprt.transfer.diffuse.inside`.
+        threads: CPU threads; all that the process may use without it.
         folder: where finished chunks live; None keeps them in memory.
         report: its "timings" and "counts" are added to.
 
@@ -132,79 +124,34 @@ def trace_transport(
         InputError: the folder belongs to another bake or cannot be written.
         Interrupted: Ctrl-C.
     """
-    timings, counts = report["timings"], report["counts"]
-    with timed(timings, "compiling kernels"):
-        sides = Sides.of(receivers)
-        traced = receivers if sides is None else sides.traced
-        order = traced.along_curve()
-        ordered = traced.reordered(order)
-        scramble = ordered.scramble(settings.seed, surfaces.positions.amin(0), surfaces.diagonal)
-        pattern = Pattern.create(settings.rays, scramble)
-        corners = surfaces.source_of_corner.numpy() if settings.reflects else None
-        stored = corners if store_operator else None
-        tracer = DirectTracer(mesh, ordered, pattern, settings.order, stored, len(surfaces.receivers))
-    key = {
-        "scene": scene_hash,
-        "receivers": traced.hash(),
-        **settings.as_dict(),
-        "bounces": stored is not None,
-        "chunks": "along a curve",
-    }
-    store = ChunkStore(folder, key, tracer.chunks)
-    done = store.finished()
-    counts["chunks"] = counts.get("chunks", 0) + tracer.chunks
-    counts["resumed_chunks"] = counts.get("resumed_chunks", 0) + len(done)
-    counts["recomputed_in_flight"] = counts.get("recomputed_in_flight", 0) + store.in_flight()
-
-    def work(chunk: int) -> None:
-        store.begin(chunk)
-        sums, blocked, rows = tracer.trace(chunk)
-        arrays = {"sums": sums, "blocked": blocked}
-        if rows is not None:
-            arrays |= {"counts": rows.counts, "columns": rows.columns, "values": rows.values}
-        store.write(chunk, arrays)
-
-    missing = sorted(set(range(tracer.chunks)) - set(done))
-    with (
-        timed(timings, "visibility and transfer"),
-        track("tracing", tracer.chunks, len(done)) as advance,
-        closing(run_chunks(work, missing, threads=threads)) as running,
-    ):
-        try:
-            for _ in running:
-                advance()
-        except KeyboardInterrupt:
-            running.close()
-            kept = f"kept in {folder}: repeat the command to go on" if folder else "lost: give a checkpoint folder"
-            raise Interrupted(f"interrupted: {len(store.finished())} of {tracer.chunks} chunks are {kept}") from None
-    with timed(timings, "gathering chunks"):
-        parts = [store.read(chunk) for chunk in range(tracer.chunks)]
-        sums = torch.from_numpy(np.concatenate([p["sums"] for p in parts], axis=1))
-        blocked = torch.from_numpy(np.concatenate([p["blocked"] for p in parts]))
+    receivers, settings, sides, order = tracing.receivers, tracing.settings, tracing.sides, tracing.order
+    report = {} if report is None else report
+    threads = threads or default_threads()
+    sums, blocked, rows = run_passes(tracing, threads=threads, folder=folder, track=track, report=report)
+    with timed(report["timings"], "gathering chunks"):
         place = order.argsort()
-        direct, error = (part[place] for part in direct_transfer(ordered.normals, sums, blocked, settings.rays))
-        blocked, scramble = blocked[place], scramble[place]
+        direct = direct_transfer(tracing.ordered.normals, sums, blocked, settings.rays)
+        direct, error = (part[place] for part in direct)
         operator: BounceOperator | None = None
-        if stored is not None:
-            rows = [OperatorRows(p["counts"], p["columns"], p["values"]) for p in parts]
-            operator = StoredOperator(rows, len(surfaces.receivers), order)
-        elif corners is not None:
-            hits = DirectTracer(mesh, ordered, pattern, 0, corners, len(surfaces.receivers))
-            operator = RetracedOperator(hits, order, threads)
+        if tracing.keeps_hits:
+            operator = StoredOperator(rows, len(tracing.surfaces.receivers), order)
+        elif settings.reflects:
+            operator = RetracedOperator(tracing.make_tracer(0, hits=True), order, threads)
         if sides is not None:
             direct, error = sides.combined(direct), sides.combined_error(error)
             operator = SheetOperator(operator, sides) if operator is not None else None
     findings = {}
     if fill_inside:
-        with timed(timings, "receivers inside geometry"):
-            own = slice(len(receivers))
-            inside = find_inside(mesh, receivers, blocked[own], settings.rays, scramble[own], threads)
+        with timed(report["timings"], "receivers inside geometry"):
+            own = place[: len(receivers)]
+            mesh, scramble = tracing.surfaces.mesh(), tracing.scramble[own]
+            inside = find_inside(mesh, receivers, blocked[own], settings.rays, scramble, threads)
             findings["receivers_inside"] = int(inside.sum())
             fill = Fill.of(receivers, inside)
         if fill is not None:
             direct, error = fill.apply(direct), fill.apply(error)
             operator = FilledOperator(operator, fill) if operator is not None else None
-    return Transport(receivers, direct, error, operator, settings, scene_hash, findings)
+    return Transport(receivers, direct, error, operator, settings, tracing.scene_hash, findings)
 
 
 def _certificate(signal: torch.Tensor, error: torch.Tensor) -> dict:

@@ -5,12 +5,10 @@ from __future__ import annotations
 import torch
 
 from diffprt import sh
-from diffprt.kernels import TriangleMesh
 from diffprt.options.bake import BakeSettings
 from diffprt.scene import Scene
 from diffprt.sh.frames import frame_rotations, from_frames, tangent_frames
 from diffprt.sh.product import product_matrix
-from diffprt.surface.sampling import Pattern
 from diffprt.surface.surfaces import Surfaces
 from diffprt.transfer.glossy.visibility_matrix import UniformPattern, VisibilityTracer, visibility_order
 
@@ -40,10 +38,7 @@ def shadow_matrices(
     settings = BakeSettings(order=order, rays=rays, bounces=0, seed=seed)
     surfaces = Surfaces.of(scene)
     receivers = surfaces.receivers
-    mesh = TriangleMesh(surfaces.positions, surfaces.faces)
-    pattern = Pattern.create(
-        settings.rays, receivers.scramble(settings.seed, surfaces.positions.amin(0), surfaces.diagonal)
-    )
+    mesh, pattern = surfaces.mesh(), surfaces.pattern(receivers, settings.rays, settings.seed)
     bands = visibility_order(order, order)
     tracer = VisibilityTracer(mesh, receivers, pattern if cosine else UniformPattern.of(pattern), bands)
     frames = tangent_frames(receivers.normals.double())
