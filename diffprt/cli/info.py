@@ -27,9 +27,9 @@ def run(
     )
     for name in ("scene_hash", "settings", "plan", "certificate", "conventions"):
         print(f"{name}: {json.dumps(header[name], sort_keys=True)}")
-    openness = read_array(source, "openness")
-    if openness is not None and openness.size:
-        header["openness_mean"] = float(openness.mean(dtype="float64"))
+    entry = header["tensors"].get("openness", {"dtype": None, "shape": []})
+    if entry["dtype"] in ("F16", "F32", "F64") and 0 not in entry["shape"]:
+        header["openness_mean"] = float(read_array(source, "openness").mean(dtype="float64"))
         print(f"mean openness: {header['openness_mean']:.4f}")
     inside = header["certificate"].get("receivers_inside", 0)
     if isinstance(inside, int) and inside:

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse.csgraph import connected_components
 
 
 @dataclass(frozen=True)
@@ -35,6 +33,9 @@ class Topology:
 
 def topology(faces: np.ndarray) -> Topology:
     """Edges and components of `faces` int64 [F, 3]; position groups in place of vertices close seams."""
+    from scipy import sparse
+    from scipy.sparse.csgraph import connected_components
+
     count = len(faces)
     start, end = faces.reshape(-1), np.roll(faces, -1, axis=1).reshape(-1)
     forward = start < end
