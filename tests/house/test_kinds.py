@@ -18,7 +18,6 @@ TENSORS = {tensor for kind in KINDS for tensor in kind.spec}
 ALLOWED = {
     "cli/compress.py": 1,
     "representation/files.py": 1,
-    "study/optimization/study.py": 1,
 }
 
 

@@ -23,7 +23,7 @@ def run(
     held_light: list[str] = typer.Option(["sky", "studio"], help="The same of held-out pictures, turned otherwise."),
     order: int = typer.Option(6, help="SH bands."),
     rays: int = typer.Option(1024, help="Rays per receiver."),
-    bounces: int = typer.Option(1, help="Interreflections of diffuse transfer."),
+    bounces: int = typer.Option(1, help="Interreflections."),
     pictures: int = typer.Option(24, help="Of training, and as many held out."),
     pixels: int = typer.Option(128, help="Pixels a side."),
     steps: int = typer.Option(100, help="Of training."),

@@ -224,8 +224,7 @@ def _quantized(transfer, clusters: int, size: int, methods: Sequence[str], prior
 
 def components_within(transfer, clusters: int, size: int, weights_format: str, bases_format: str) -> int:
     """The most components whose clustered transfer takes at most `size` bytes; 0 where not even one does."""
-    signal = transfer.glossy if isinstance(transfer, GlossyTransfer) else transfer.diffuse
-    count, shape = len(signal), signal.shape[1:]
+    count, shape = len(transfer.signal), transfer.signal.shape[1:]
     labels = torch.empty(1, dtype=torch.int64).expand(count)
     one = torch.empty(1)
     most = 0
@@ -270,7 +269,7 @@ def _bake(scene, brdf: str, order: int, rays: int, bounces: int) -> Transfer | G
     if brdf == "diffuse":
         return bake(scene, order=order, rays=rays, bounces=bounces)
     with torch.no_grad():
-        baked = bake_glossy(scene, parse_brdf(brdf), order=order, order_out=order, rays=rays, bounces=0)
+        baked = bake_glossy(scene, parse_brdf(brdf), order=order, order_out=order, rays=rays, bounces=bounces)
     return baked.labeled(replace(baked.provenance, settings={}))
 
 
