@@ -25,24 +25,11 @@ def run(
     output: Path = typer.Option(Path("out/clustering"), "-o", "--output", help="The folder that keeps the signal."),
     json_file: Path = JsonFile,
 ) -> None:
+    asked = {name: value for name, value in locals().items() if name not in ("source", "output", "json_file")}
     from diffprt.study.clustering import clustering_study
 
     check_output(output, directory=True)
-    report = clustering_study(
-        source,
-        output,
-        signal=signal,
-        clusters=clusters,
-        components=components,
-        registers=registers,
-        iterations=iterations,
-        rounds=rounds,
-        order=order,
-        rays=rays,
-        channels=channels,
-        seed=seed,
-        say=say,
-    )
+    report = clustering_study(source, output, **asked, say=say)
     write_report(json_file, "study clustering", report)
     print_clustering(report)
 

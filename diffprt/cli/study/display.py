@@ -23,6 +23,7 @@ def run(
     pictures: Path = typer.Option(None, help="Only takes pictures of the page, into this folder."),
     json_file: Path = JsonFile,
 ) -> None:
+    asked = {name: value for name, value in locals().items() if name not in ("source", "pictures", "json_file")}
     from diffprt.study.display.pictures import display_pictures
     from diffprt.study.display.study import display_study
 
@@ -33,18 +34,7 @@ def run(
         write_report(json_file, "study display", {"settings": sizes, "outputs": [str(path) for path in made]})
         print(f"{pictures}: {len(made)} pictures")
         return
-    report = display_study(
-        source,
-        clusters=clusters,
-        components=components,
-        registers=registers,
-        order=order,
-        rays=rays,
-        size=size,
-        frames=frames,
-        rounds=rounds,
-        say=say,
-    )
+    report = display_study(source, **asked, say=say)
     write_report(json_file, "study display", report)
     print_display(report)
 

@@ -24,22 +24,10 @@ def run(
     seed: int = typer.Option(0, help="Of the bake and of Mitsuba."),
     json_file: Path = JsonFile,
 ) -> None:
+    asked = {name: value for name, value in locals().items() if name not in ("source", "json_file")}
     from diffprt.study.gradient.study import gradient_study
 
-    report = gradient_study(
-        source,
-        order=order,
-        rays=rays,
-        bounces=bounces,
-        size=size,
-        samples=samples,
-        rows=rows,
-        rounds=rounds,
-        truth_samples=truth_samples,
-        halves=halves,
-        seed=seed,
-        say=say,
-    )
+    report = gradient_study(source, **asked, say=say)
     write_report(json_file, "study gradient", report)
     print_gradient(report)
 

@@ -22,20 +22,10 @@ def run(
     seed: int = typer.Option(0, help="Of rays and noise."),
     json_file: Path = JsonFile,
 ) -> None:
+    asked = {name: value for name, value in locals().items() if name not in ("source", "json_file")}
     from diffprt.study.inverse import inverse_study
 
-    report = inverse_study(
-        source,
-        order=order,
-        rays=rays,
-        views=views,
-        albedo_views=albedo_views,
-        size=size,
-        samples=samples,
-        noise=noise,
-        seed=seed,
-        say=say,
-    )
+    report = inverse_study(source, **asked, say=say)
     write_report(json_file, "study inverse", report)
     print_inverse(report)
 

@@ -21,20 +21,11 @@ def run(
     seed: int = typer.Option(0, help="Of views, turns and paths."),
     output: Path = typer.Option(Path("references"), "-o", "--output", help="The folder."),
 ) -> None:
+    asked = {name: value for name, value in locals().items() if name not in ("source", "light", "count", "output")}
     from diffprt.optimization import save_references
     from diffprt.study.optimization.references import mitsuba_references
 
     check_output(output, directory=True)
-    made = mitsuba_references(
-        source,
-        light,
-        count,
-        order=order,
-        size=size,
-        samples=samples,
-        bounces=bounces,
-        seed=seed,
-        say=say,
-    )
+    made = mitsuba_references(source, light, count, **asked, say=say)
     save_references(made, output)
     print(f"{output}: {count} pictures by Mitsuba")

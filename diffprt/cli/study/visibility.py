@@ -26,21 +26,11 @@ def run(
     seed: int = typer.Option(0, help="Draws receivers and directions."),
     json_file: Path = JsonFile,
 ) -> None:
+    asked = {name: value for name, value in locals().items() if name not in ("source", "output", "json_file")}
     from diffprt.study.visibility.study import visibility_study
 
     check_output(output, directory=True)
-    report = visibility_study(
-        source or ["builtin:bunny", "builtin:closed_box"],
-        output,
-        rays=rays,
-        runs=runs,
-        seconds=seconds,
-        large=large,
-        test_rays=test_rays,
-        brute_tests=brute_tests,
-        seed=seed,
-        say=say,
-    )
+    report = visibility_study(source or ["builtin:bunny", "builtin:closed_box"], output, **asked, say=say)
     write_report(json_file, "study visibility", report)
     print_visibility(report)
 
