@@ -59,3 +59,4 @@ def test_decoding_is_the_blend_of_each_cluster(small, generator):
         means = torch.randn(3, numbers, generator=generator, dtype=torch.float64, requires_grad=True)
         bases = torch.randn(3, 2, numbers, generator=generator, dtype=torch.float64, requires_grad=True)
         assert torch.autograd.gradcheck(lambda *leaves: blend(labels, *leaves), (weights, means, bases))
+        assert torch.autograd.gradgradcheck(lambda *leaves: blend(labels, *leaves), (weights, means, bases))

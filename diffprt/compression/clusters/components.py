@@ -55,17 +55,36 @@ def blend(labels: torch.Tensor, weights: torch.Tensor, means: torch.Tensor, base
         bases: float [M, P, ...], of the dtype of means and weights.
 
     Returns:
-        float [V, ...]. Gradients reach weights, means and bases; second derivatives exist where a value has at most
-        eight numbers.
+        float [V, ...]. Gradients reach weights, means and bases, second derivatives too.
     """
     if means[0].numel() <= _NARROW:
         return means[labels] + torch.einsum("vp,vp...->v...", weights, bases[labels])
-    # A weighted sum of table rows in one step: gathering first would hold P values of every receiver.
-    table = torch.cat([means[:, None], bases], dim=1).flatten(0, 1)
-    rows = labels[:, None] * (bases.shape[1] + 1) + torch.arange(bases.shape[1] + 1, device=labels.device)
-    share = torch.cat([weights.new_ones(len(weights), 1), weights], dim=1)
-    mixed = torch.nn.functional.embedding_bag(rows, table.flatten(1), mode="sum", per_sample_weights=share)
-    return mixed.unflatten(1, table.shape[1:])
+    rows = _Blend.apply(labels, weights, means.flatten(1), bases.flatten(2))
+    return rows.unflatten(1, means.shape[1:])
+
+
+class _Blend(torch.autograd.Function):
+    """Decoding in one step over all receivers, its gradient in one product per cluster: each is the faster way."""
+
+    @staticmethod
+    def forward(ctx, labels: torch.Tensor, weights: torch.Tensor, means: torch.Tensor, bases: torch.Tensor):
+        ctx.save_for_backward(labels, weights, bases)
+        # A weighted sum of table rows: gathering first would hold P values of every receiver.
+        table = torch.cat([means[:, None], bases], dim=1).flatten(0, 1)
+        size = bases.shape[1] + 1
+        rows = labels[:, None] * size + torch.arange(size, device=labels.device)
+        share = torch.cat([weights.new_ones(len(weights), 1), weights], dim=1)
+        return torch.nn.functional.embedding_bag(rows, table, mode="sum", per_sample_weights=share)
+
+    @staticmethod
+    def backward(ctx, gradient: torch.Tensor):
+        labels, weights, bases = ctx.saved_tensors
+        groups = members(labels, len(bases))
+        own = [gradient[rows] for rows in groups]
+        of_means = torch.stack([part.sum(0) for part in own])
+        of_bases = torch.stack([weights[rows].T @ part for rows, part in zip(groups, own, strict=True)])
+        of_weights = torch.cat([part @ basis.T for part, basis in zip(own, bases, strict=True)])
+        return None, of_weights[torch.cat(groups).argsort()], of_means, of_bases
 
 
 def orthonormal(bases: torch.Tensor, weights: torch.Tensor, labels: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
