@@ -16,6 +16,7 @@ from diffprt.exporters import export
 from diffprt.progress import Track, untracked
 from diffprt.rendering import auto_exposure, render
 from diffprt.rendering.sheet import contact_sheet
+from diffprt.representation import Representation
 from diffprt.representation import files as assets
 from diffprt.scene import Camera, Light, Scene, builtin_environment, builtin_scene
 from diffprt.shading import tone_map
@@ -132,11 +133,11 @@ def demo_camera(scene: Scene, size: int) -> Camera:
 
 
 def _pictures(
-    columns: dict[str, object], lights: dict[str, Light], camera: Camera
+    columns: dict[str, Representation], lights: dict[str, Light], camera: Camera
 ) -> tuple[list[list[torch.Tensor]], dict[str, Light]]:
     """Display images by light and column, one exposure per light; and the lights scaled by it."""
     reference = list(columns.values())[2]
-    mask = reference.receivers.view(camera).mask
+    mask = reference.elements.view(camera).mask
     rows, balanced = [], {}
     for name, light in lights.items():
         factor = auto_exposure(render(reference, light, camera), mask)

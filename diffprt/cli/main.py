@@ -22,7 +22,7 @@ app = lazy_group(
 @app.callback(invoke_without_command=True)
 def version(show: bool = typer.Option(False, "--version", help="Print the version and exit.")) -> None:
     if show:
-        print(f"diffprt {diffprt.__version__}")
+        print(f"diffprt {diffprt.__version__}")  # pyright: ignore[reportAttributeAccessIssue]
         raise typer.Exit
 
 
@@ -41,7 +41,7 @@ def main(arguments: list[str] | None = None) -> None:
     except Exception as error:
         if not _is_usage_error(error):
             raise
-        fail(f"{_offending(error, arguments)}{error.format_message()} (see 'diffprt --help')", 2)
+        fail(f"{_offending(error, arguments)}{error.format_message()} (see 'diffprt --help')", 2)  # pyright: ignore[reportAttributeAccessIssue]
     sys.exit(status if isinstance(status, int) else 0)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from typing import Any
 
 import torch
 
@@ -68,7 +69,7 @@ def compress(transfer: TransferAtReceivers, options: CompressOptions) -> Cluster
         "registers": options.registers,
         "prior": None if prior is None else prior.tolist(),
     }
-    kept = {
+    kept: dict[str, Any] = {
         "labels": encoded.labels,
         "means": encoded.means.reshape(found, *shape),
         "bases": encoded.bases.reshape(found, components, *shape),
@@ -80,7 +81,8 @@ def compress(transfer: TransferAtReceivers, options: CompressOptions) -> Cluster
         "weights_format": options.weights_format,
         "bases_format": options.bases_format,
     }
-    compressed = kind(**kept, **transfer.beside_signal)
+    kept.update(transfer.beside_signal)
+    compressed = kind(**kept)
     if (report := options.report) is not None:
         report["timings"] = {**encoded.timings, "total": time.perf_counter() - begun}
         report["counts"] = {

@@ -93,12 +93,14 @@ def recover_light(
     Raises:
         InputError: no usable picture (see `observe`), or an order that the asset does not have.
     """
+    if asset.order is None:
+        raise InputError("the asset holds its light inside, so pictures tell nothing of one: give transfer")
     order = asset.order if order is None else order
     if not 1 <= order <= asset.order:
         raise InputError(
             f"order is {order}: the asset tells 1 to {asset.order} bands, bake with order={order} for more"
         )
-    observations = observe(asset.receivers, references, threads=threads)
+    observations = observe(asset.elements, references, threads=threads)
     return light_from(asset, observations, order=order, prior=prior, noise=noise)
 
 
@@ -169,7 +171,7 @@ def design_matrix(
     columns = []
     with torch.no_grad():
         for k in range(order * order):
-            unit = torch.zeros(asset.order**2, 3)
+            unit = torch.zeros((asset.order or order) ** 2, 3)
             unit[k] = 1.0
             columns.append(pixel_radiance(asset, unit, observation.frozen, albedo=albedo)[observation.rows].double())
     return torch.stack(columns, dim=1)

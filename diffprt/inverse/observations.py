@@ -12,8 +12,8 @@ from diffprt.errors import InputError
 from diffprt.optimization.references.references import Reference
 from diffprt.rendering import FrozenView
 from diffprt.representation import ConstantBasis
+from diffprt.representation.elements import Elements
 from diffprt.scene import Camera
-from diffprt.surface import Receivers
 
 # Samples a side of our pixels: edges inside the object are averaged as a camera's pixels do.
 _SAMPLES = 2
@@ -53,7 +53,7 @@ class Observation:
 
 
 def observe(
-    receivers: Receivers, pictures: Iterable[Picture], *, lit: bool = False, threads: int | None = None
+    receivers: Elements, pictures: Iterable[Picture], *, lit: bool = False, threads: int | None = None
 ) -> list[Observation]:
     """Pictures as measurements of what `receivers` send.
 

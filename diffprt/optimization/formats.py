@@ -62,9 +62,8 @@ def _fit_clusters(asset: ClusteredSignal, loss: TransferLoss | None, size: int) 
     rows = metric.scale(loss.signal).flatten(1)
     components = max(found[0] for found in candidates)
     means, bases, weights = cluster_pca(rows, asset.labels, asset.clusters, components)
-    best, least = None, float("inf")
-    for count, weights_format, bases_format in candidates:
-        made = replace(
+    made = [
+        replace(
             asset,
             means=metric.unscale(means.view_as(asset.means)),
             bases=metric.unscale(bases[:, :count].reshape(asset.clusters, count, *asset.means.shape[1:])),
@@ -72,10 +71,9 @@ def _fit_clusters(asset: ClusteredSignal, loss: TransferLoss | None, size: int) 
             weights_format=weights_format,
             bases_format=bases_format,
         )
-        error = float(loss(encoded(made, metric))) if len(candidates) > 1 else 0.0
-        if error < least:
-            best, least = made, error
-    return best
+        for count, weights_format, bases_format in candidates
+    ]
+    return min(made, key=lambda one: float(loss(encoded(one, metric)))) if len(made) > 1 else made[0]
 
 
 @singledispatch

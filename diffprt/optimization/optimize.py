@@ -138,7 +138,7 @@ def optimize(
             light = trained.leaves.get("light")
             total = total + pictures.loss(now, step, batch, terms, exposure=trained.exposure, lights=light)
         if TRANSFER in terms:
-            total = total + terms[TRANSFER] * transfer_loss(now)
+            total = total + terms[TRANSFER] * _needed(transfer_loss, TRANSFER)(now)
         return total
 
     def evaluate() -> float:
@@ -196,7 +196,9 @@ def optimize(
     if report is not None:
         report |= _report(run, outcome, settings, pictures)
         if "light" in names:
-            report["lights"] = (lights if outcome.improved else pictures.distinct_lights).tolist()
+            report["lights"] = (
+                lights if lights is not None and outcome.improved else pictures.distinct_lights
+            ).tolist()
         report["counts"] |= result.counts if outcome.improved else {}
         if "exposure" in names:
             report["exposure"] = float(torch.as_tensor(trained.exposure).detach()) if outcome.improved else 1.0

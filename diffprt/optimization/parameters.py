@@ -119,7 +119,7 @@ class Parameters:
         own = self._coordinates.leaves(names)
         for name in [name for name in names if name in _SHARED] + [name for name in own]:
             if name == "albedo":
-                values, rate = asset.elements.albedo.clamp(_DARKEST, 1 - _DARKEST).logit(), _LOGIT
+                values, rate = asset.elements.albedo.clamp(_DARKEST, 1 - _DARKEST).logit(), _LOGIT  # pyright: ignore[reportAttributeAccessIssue]
             elif name == "exposure":
                 values, rate = torch.zeros(()), 1.0
             elif name == "light":

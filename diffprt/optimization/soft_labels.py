@@ -84,7 +84,7 @@ def soft_labels(
         loss = expected_error(belongs, area * errors) / scale
         if overdraw > 0 and len(faces):
             loss = loss + overdraw * expected_overdraw(belongs, faces)
-        if coherence > 0:
+        if places is not None:
             loss = loss + coherence * expected_distance(belongs, places)
         optimizer.zero_grad()
         loss.backward()

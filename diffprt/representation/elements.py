@@ -22,6 +22,7 @@ class Elements(ABC):
         normals: float [E, 3], unit.
     """
 
+    __dataclass_fields__: ClassVar[dict]
     spec: ClassVar[Spec]
     positions: torch.Tensor
     normals: torch.Tensor

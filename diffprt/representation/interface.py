@@ -36,6 +36,7 @@ class Representation(ABC):
     """
 
     kinds: ClassVar[dict[str, type[Representation]]] = {}
+    __dataclass_fields__: ClassVar[dict]
     name: ClassVar[str]
     description: ClassVar[str]
     spec: ClassVar[Spec]
@@ -104,7 +105,7 @@ class Representation(ABC):
         Raises:
             InputError: they do not belong together.
         """
-        return cls(**tensors, elements=elements, provenance=provenance)
+        return cls(**tensors, elements=elements, provenance=provenance)  # pyright: ignore[reportCallIssue]
 
     @property
     def trainable(self) -> tuple[str, ...]:

@@ -43,11 +43,11 @@ class TransferAtReceivers(Representation):
         return self.receivers
 
     def with_elements(self, elements: Elements, **tensors: torch.Tensor) -> Self:
-        return replace(self, receivers=elements, **tensors)  # type: ignore[type-var]
+        return replace(self, receivers=elements, **tensors)
 
     @classmethod
     def restored(cls, tensors: dict[str, torch.Tensor], elements: Elements, provenance: Provenance) -> Self:
-        return cls(**tensors, receivers=elements, provenance=provenance)
+        return cls(**tensors, receivers=elements, provenance=provenance)  # pyright: ignore[reportCallIssue]
 
     @property
     @abstractmethod

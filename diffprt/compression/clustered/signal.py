@@ -16,7 +16,6 @@ from diffprt.compression.overdraw.overdraw import overdraw
 from diffprt.errors import InputError
 from diffprt.options.compress import FORMATS
 from diffprt.options.ranges import check_choice
-from diffprt.representation.elements import Elements
 from diffprt.representation.interface import Representation
 from diffprt.representation.lighting import LightingLike
 from diffprt.representation.provenance import Provenance
@@ -128,7 +127,7 @@ class ClusteredSignal(TransferAtReceivers):
         }
 
     @classmethod
-    def restored(cls, tensors: dict[str, torch.Tensor], elements: Elements, provenance: Provenance) -> Self:
+    def restored(cls, tensors: dict[str, torch.Tensor], elements: Receivers, provenance: Provenance) -> Self:
         return cls(**from_tensors(tensors), receivers=elements, provenance=provenance)
 
     def overdraw(self, faces: torch.Tensor | None = None) -> float:

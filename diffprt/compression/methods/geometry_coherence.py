@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from scipy.spatial import cKDTree
+from scipy.spatial import cKDTree  # pyright: ignore[reportAttributeAccessIssue]
 
 from diffprt.compression.clusters.partition import Clustering, Partition, canonical, member_means, nearest
 from diffprt.compression.methods.lbg import fill_empty, start_centers

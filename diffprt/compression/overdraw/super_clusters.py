@@ -88,8 +88,8 @@ def super_clusters(
         groups = _greedy(torch.bincount(labels, minlength=clusters), mixed, per_pass)
     if selection == "search":
         groups = _search(groups, mixed, per_pass)
-    groups = torch.unique(groups, return_inverse=True)[1]
-    return SuperClusters(groups, int(groups.max()) + 1, overdraw(groups[labels], faces))
+    _, packed = torch.unique(groups, return_inverse=True)
+    return SuperClusters(packed, int(packed.max()) + 1, overdraw(packed[labels], faces))
 
 
 def _greedy(sizes: torch.Tensor, mixed: torch.Tensor, per_pass: int) -> torch.Tensor:

@@ -78,7 +78,7 @@ def train(
     groups = [{"params": [leaf], "lr": 0.0} for leaf in leaves.values()]
     optimizer = torch.optim.Adam(groups, betas=_BETAS, eps=1e-12, foreach=False)
     run = Run()
-    if resume:
+    if resume and checkpoint is not None:
         _restore(run, leaves, optimizer, *read_checkpoint(checkpoint, fingerprint))
     else:
         run.error, run.best = evaluate(), _copy(leaves)
