@@ -9,7 +9,6 @@ import torch
 
 from diffprt import Camera, shade, tone_map, trace
 from diffprt.scene import builtin_environment, builtin_scene
-from diffprt.surface import View
 
 BOUNCES = 3
 
@@ -18,7 +17,7 @@ scene = builtin_scene("cornell", subdivisions=3)
 transport = trace(scene, order=4, rays=256, bounces=BOUNCES)
 receivers = transport.receivers
 light = builtin_environment("studio").project(transport.settings.order, window="hann")
-view = View.of(receivers, Camera((0.0, 1.0, 4.2), (0.0, 1.0, 0.0), fov=30, width=80, height=80))
+view = receivers.view(Camera((0.0, 1.0, 4.2), (0.0, 1.0, 0.0), fov=30, width=80, height=80))
 
 # %% [markdown]
 # The albedo counts twice: in the light that surfaces exchange (`transfer`) and where light leaves towards the

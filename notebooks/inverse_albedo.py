@@ -10,7 +10,6 @@ import torch
 from diffprt import Camera, render, shade, tone_map, trace
 from diffprt.inverse import recover_albedo
 from diffprt.scene import builtin_environment, builtin_scene
-from diffprt.surface import View
 
 # %%
 bunny = builtin_scene("bunny", subdivisions=0)
@@ -43,7 +42,7 @@ print(f"{100 * float(told.float().mean()):.0f} % of the vertices are told by pix
 print(f"off by {100 * error:.2f} %; taking all light for direct light {100 * without:.2f} %")
 
 # %%
-view = View.of(transport.receivers, pictures[0][1])
+view = transport.receivers.view(pictures[0][1])
 flat = transport.transfer(0, albedo=torch.ones(3))
 shown = {
     "a picture": pictures[0][0],

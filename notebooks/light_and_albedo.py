@@ -10,7 +10,6 @@ import torch
 from diffprt import Camera, InputError, render, sh, tone_map, trace
 from diffprt.inverse import recover_light_and_albedo
 from diffprt.scene import builtin_environment, builtin_scene
-from diffprt.surface import View
 
 # %%
 bunny = builtin_scene("bunny", subdivisions=0)
@@ -43,7 +42,7 @@ print(f"albedo off by {100 * albedo_error:.1f} %, lights by", [f"{100 * error:.1
 print(f"explained to {100 * found.mismatch:.2f} %, the next best explanation to {100 * found.next_best:.2f} %")
 
 # %%
-view = View.of(transport.receivers, pictures[0][1])
+view = transport.receivers.view(pictures[0][1])
 shown = {"a picture": pictures[0][0], "true albedo": view.interpolate(truth)}
 shown["albedo found"] = view.interpolate(found.albedo.albedo)
 shown["true light"] = 0.4 * sh.render_map(lights[0].coefficients, 48, 96)
