@@ -20,7 +20,7 @@ from scipy.sparse import csr_matrix, identity
 
 from diffprt.representation import Elements
 from diffprt.scene import Camera
-from diffprt.surface.operator import OperatorRows, StoredOperator
+from diffprt.surface.operator import StoredOperator
 
 # What receivers count that no view shows, as a share of the mean: others may show them.
 _UNSEEN = 0.01
@@ -59,12 +59,7 @@ class ImageNorm:
     @staticmethod
     def from_matrix(matrix: csr_matrix) -> ImageNorm:
         """The norm of a symmetric sparse matrix [V, V]."""
-        matrix = matrix.tocsr()
-        matrix.sort_indices()
-        rows = OperatorRows(
-            np.diff(matrix.indptr).astype(np.int32), matrix.indices.astype(np.int32), matrix.data.astype(np.float32)
-        )
-        return ImageNorm(StoredOperator([rows], matrix.shape[1]))
+        return ImageNorm(StoredOperator.of(matrix.tocsr().astype(np.float32)))
 
     def apply(self, values: torch.Tensor) -> torch.Tensor:
         """M Y of `values` [V, D]."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import asdict, dataclass, field, fields
 from numbers import Integral
+from typing import TypeVar
 
 from diffprt.errors import InputError
 from diffprt.options.ranges import check_choice, check_order, check_threads
@@ -86,6 +87,9 @@ class GlossySettings(BakeSettings):
             raise InputError(f"ridge is {self.ridge}: give 0 or more")
 
 
+Settings = TypeVar("Settings", bound=BakeSettings)
+
+
 def check_tolerance(tolerance: float) -> None:
     """Refuses what is no share of the signal."""
     if not 0 < tolerance < 1:
@@ -139,7 +143,7 @@ class BakeOptions:
             raise InputError(f"seconds is {self.seconds}: give a positive time, such as 20")
         self.settings()
 
-    def settings(self, kind: type[BakeSettings] = BakeSettings, **planned: object) -> BakeSettings:
+    def settings(self, kind: type[Settings] = BakeSettings, **planned: object) -> Settings:
         """The preset of the quality, with what is `planned`, and then with what is asked for, in its place."""
         asked = {f.name: value for f in fields(kind) if (value := getattr(self, f.name)) is not None}
         return kind(**(QUALITIES[self.quality] | planned | asked))

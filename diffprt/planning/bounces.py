@@ -79,7 +79,7 @@ def decide_bounces(shadows: bool, pilot: Pilot | None, walks: Walks | None, tole
         return Decision(0, "proved: no receiver sees a surface", {"error": 0.0})
     if not shadows:
         return Decision(0, "within the bound for shadows: nothing is traced", {"error": 0.0})
-    albedo = pilot.albedo[pilot.receives]
+    albedo = pilot.albedo
     reflected = walks.reflected / walks.count
     evidence = {
         "albedo_mean": float(albedo[:, :3].mean()),
@@ -125,7 +125,7 @@ def decide_channels(bounces: int | str, pilot: Pilot | None, walks: Walks | None
         return Decision(1, "nothing is reflected, so nothing colours the light", {"error": 0.0})
     if pilot.gray:
         return Decision(1, "every surface is gray", {"error": 0.0})
-    albedo = pilot.albedo[pilot.receives]
+    albedo = pilot.albedo
     spread = float((albedo[:, :3].amax(1) - albedo[:, :3].amin(1)).max())
     error = contraction(pilot, walks).scale * float(mean_below(walks.tint).sum().sqrt())
     evidence = {"albedo_spread": spread, "error": error, "budget": tolerance, "confidence": CONFIDENCE}

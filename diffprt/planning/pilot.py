@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import torch
 
 from diffprt import sh
-from diffprt.kernels import TriangleMesh
-from diffprt.scene import Geometry
+from diffprt.surface.sides import Sides
+from diffprt.surface.surfaces import Surfaces
 
 MOST_BOUNCES = 64
 HIGHEST_ORDER = 10
@@ -59,33 +59,25 @@ class Pilot:
     """Rays into a scene. Deterministic: random numbers are seeded and drawn in one thread.
 
     Args:
-        geometry: all meshes of the scene.
-        receives: bool [V]; other vertices only block light. Backs of translucent vertices receive by themselves.
+        surfaces: of the scene.
+        sides: of its receivers; None where all are opaque.
     """
 
-    def __init__(self, geometry: Geometry, receives: torch.Tensor) -> None:
-        self.geometry, self.receives = geometry, receives
-        self.mesh = TriangleMesh(geometry.positions, geometry.faces)
-        self.receivers = receives.nonzero()[:, 0]
-        albedo = geometry.albedo.detach().double()
+    def __init__(self, surfaces: Surfaces, sides: Sides | None) -> None:
+        self.mesh, self.sources = surfaces.mesh(), surfaces.source_of_corner
+        self.receivers = surfaces.receivers if sides is None else sides.traced
+        self.origins = self.receivers.origins(self.mesh.ray_offset())
+        self._back = None
+        if sides is not None:
+            self._back, self._through = torch.arange(sides.fronts), torch.zeros(sides.fronts)
+            self._back[sides.sheets] = sides.fronts + torch.arange(len(sides.sheets))
+            self._through[sides.sheets] = sides.through.float()
+        albedo = self.receivers.albedo.detach().double()
         mean = albedo.mean(1, keepdim=True)
         self.gray = bool((albedo == albedo[:, :1]).all())
         self.albedo = albedo[:, :1] if self.gray else torch.cat([albedo, mean], dim=1)
-        corners = geometry.positions.double()[geometry.faces]
+        corners = surfaces.positions.double()[surfaces.faces]
         self.face_normals = torch.linalg.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]).float()
-        self.origins = self._origins(corners)
-
-    def _origins(self, corners: torch.Tensor) -> torch.Tensor:
-        """Starts of rays, float32 [V, 3]: off the surface, and off its border, where another may touch it."""
-        g = self.geometry
-        index = g.faces.reshape(-1)
-        away = corners.mean(1).repeat_interleave(3, dim=0) - corners.reshape(-1, 3)
-        total = torch.zeros(len(g.positions), 3, dtype=torch.float64).index_add_(0, index, away)
-        length = torch.zeros(len(g.positions), dtype=torch.float64).index_add_(0, index, away.norm(dim=1))
-        inward = total / length.clamp_min(1e-300)[:, None]
-        normals = g.normals.double()
-        inward -= (inward * normals).sum(1, keepdim=True) * normals
-        return (g.positions.double() + self.mesh.ray_offset() * (normals + inward)).float()
 
     def single_hits(self, *, seed: int = 1) -> tuple[int, int]:
         """Number of independent single rays, and how many of them hit anything.
@@ -97,7 +89,7 @@ class Pilot:
         hits = 0
         for first in range(0, _SINGLE_RAYS, _CHUNK):
             vertices = self._spread(_CHUNK, generator, first, _SINGLE_RAYS)
-            directions = cosine_directions(self.geometry.normals[vertices], generator)
+            directions = cosine_directions(self.receivers.normals[vertices], generator)
             _, face, _ = self.mesh.closest_hits(self.origins[vertices], directions)
             hits += int((face >= 0).sum())
         return _SINGLE_RAYS, hits
@@ -121,7 +113,7 @@ class Pilot:
             alive[k] = len(walk)
             throughput[:, k] = _pair_square(weight, owner[walk], count, each)
             spread[walk] += (weight - weight[:, -1:]).abs()
-            directions = cosine_directions(self.geometry.normals[vertex], generator)
+            directions = cosine_directions(self.receivers.normals[vertex], generator)
             _, face, corner_weights = self.mesh.closest_hits(self.origins[vertex], directions)
             sky = face < 0
             escape[walk[sky]], escape_weight[walk[sky]] = directions[sky], weight[sky]
@@ -131,10 +123,11 @@ class Pilot:
             bounds = corner_weights.cumsum(1)
             corner = (pick >= bounds[:, 0]).long() + (pick >= bounds[:, 1]).long()
             face = face.long().clamp_min(0)
-            vertex = self._some_side(self.geometry.faces[face, corner], generator)
+            source = self.sources[face, corner]
+            vertex = self._some_side(source.clamp_min(0), generator)
             front = (self.face_normals[face] * directions).sum(1) < 0
             weight = weight * self.albedo[vertex]
-            go_on = ~sky & front & self.receives[vertex] & (weight.amax(1) > _DARK)
+            go_on = ~sky & front & (source >= 0) & (weight.amax(1) > _DARK)
             if k == 0:
                 reflected = int(go_on.sum())
             walk, vertex, weight = walk[go_on], vertex[go_on], weight[go_on]
@@ -155,11 +148,10 @@ class Pilot:
 
     def _some_side(self, vertex: torch.Tensor, generator: torch.Generator) -> torch.Tensor:
         """The side from which a walk goes on: of translucent vertices the back, with the share that comes through."""
-        back, through = self.geometry.back_of_vertex, self.geometry.transmission
-        if back is None:
+        if self._back is None:
             return vertex
-        passes = torch.rand(len(vertex), generator=generator) < through[vertex]
-        return torch.where(passes, back[vertex], vertex)
+        passes = torch.rand(len(vertex), generator=generator) < self._through[vertex]
+        return torch.where(passes, self._back[vertex], vertex)
 
     def _power(
         self,
@@ -179,7 +171,7 @@ class Pilot:
         count, channels = len(starts), escape_weight.shape[1]
         bands = sh.band_of_index(HIGHEST_ORDER)
         by_band = torch.nn.functional.one_hot(bands, HIGHEST_ORDER).double()
-        normals = self.geometry.normals[starts].double()
+        normals = self.receivers.normals[starts].double()
         whole = sh.rotate_zonal(sh.clamped_cosine(HIGHEST_ORDER), normals)
         power = (whole.square() @ by_band)[..., None].repeat(1, 1, channels)
         owner = owner[hit]
@@ -196,7 +188,7 @@ class Pilot:
     def _spread(self, count: int, generator: torch.Generator, first: int, total: int) -> torch.Tensor:
         """Receivers number first .. first + count of `total`, one at random out of each of `total` equal parts."""
         place = (first + torch.arange(count) + torch.rand(count, generator=generator, dtype=torch.float64)) / total
-        return self.receivers[(place * len(self.receivers)).long().clamp_max(len(self.receivers) - 1)]
+        return (place * len(self.receivers)).long().clamp_max(len(self.receivers) - 1)
 
 
 def cosine_directions(normals: torch.Tensor, generator: torch.Generator) -> torch.Tensor:

@@ -12,11 +12,14 @@ from diffprt.errors import InputError
 from diffprt.options.bake import CONVERGED
 from diffprt.planning.bounces import decide_bounces, decide_channels
 from diffprt.planning.decision import Decision, Plan
-from diffprt.planning.open_proof import prove_open
+from diffprt.planning.open_proof import OpenProof, prove_open
 from diffprt.planning.order import decide_order
 from diffprt.planning.pilot import HIGHEST_ORDER, MOST_BOUNCES, Pilot
 from diffprt.planning.shadows import decide_shadows
 from diffprt.scene import Environment, Light, Scene
+from diffprt.surface.receivers import Receivers
+from diffprt.surface.sides import Sides
+from diffprt.surface.surfaces import Surfaces
 from diffprt.torch_threads import one_torch_thread
 
 
@@ -48,19 +51,11 @@ def plan(
     _check(tolerance, shadows, bounces, channels, order)
     if isinstance(light, Environment):
         light = light.project(HIGHEST_ORDER)
-    geometry = scene.merged()
-    seen = torch.tensor([not mesh.occluder_only for mesh in scene.meshes])
-    receives = seen[geometry.mesh_of_vertex]
-    if len(geometry.faces) == 0:
-        raise InputError(f"scene '{scene.name}' has no triangles: load a mesh with faces")
-    if not bool(receives.any()):
-        raise InputError(f"scene '{scene.name}' has only occluders: it needs a mesh that is not occluder-only")
-    if bool(geometry.transmission.any()):
-        geometry, receives = geometry.with_backs(), torch.cat([receives, receives[geometry.transmission > 0]])
-    tensors = (geometry.positions, geometry.normals, geometry.faces, receives)
-    proof = prove_open(*(t.numpy() for t in tensors))
+    surfaces = Surfaces.of(scene)
+    sides = Sides.of(surfaces.receivers)
+    proof = _openness(surfaces, surfaces.receivers if sides is None else sides.traced)
     with one_torch_thread():
-        pilot = None if proof.proved else Pilot(geometry, receives)
+        pilot = None if proof.proved else Pilot(surfaces, sides)
         walks = None if pilot is None else pilot.walk()
         shadow = decide_shadows(proof, pilot, walks, tolerance).overridden(shadows)
     share = tolerance if pilot is None or pilot.gray else tolerance / 2
@@ -71,6 +66,17 @@ def plan(
     asked = {"shadows": shadows, "bounces": bounces, "channels": channels, "order": order}
     overridden = tuple(name for name, value in asked.items() if value is not None)
     return Plan(shadow, bounce, channel, band, vector, float(tolerance), overridden)
+
+
+def _openness(surfaces: Surfaces, receivers: Receivers) -> OpenProof:
+    """The proof for `receivers`: those of the surfaces, and behind them backs of translucent ones."""
+    backs = slice(len(surfaces.receivers), None)
+    normals = torch.zeros_like(surfaces.positions)
+    normals[surfaces.receives] = surfaces.receivers.normals
+    points = torch.cat([surfaces.positions, receivers.positions[backs]])
+    normals = torch.cat([normals, receivers.normals[backs]])
+    receives = torch.cat([surfaces.receives, torch.ones(len(receivers), dtype=torch.bool)[backs]])
+    return prove_open(*(t.numpy() for t in (points, normals, surfaces.faces, receives)))
 
 
 def _check(tolerance: object, shadows: object, bounces: object, channels: object, order: object) -> None:

@@ -23,7 +23,7 @@ from diffprt.representation.lighting import LightingLike
 from diffprt.representation.lit import Basis, ConstantBasis, Lit
 from diffprt.representation.view import View
 from diffprt.scene.camera import Camera
-from diffprt.surface.operator import OperatorRows, StoredOperator
+from diffprt.surface.operator import StoredOperator
 
 
 @dataclass(frozen=True)
@@ -110,11 +110,7 @@ class FrozenView:
         shape = (int(self.mask.sum()), len(self.seen) * width)
         values = (weights / self.samples**2).flatten()
         matrix = scipy.sparse.csr_array((values.numpy(), (rows.numpy(), columns.numpy())), shape=shape)
-        matrix.sort_indices()
-        entries = OperatorRows(
-            np.diff(matrix.indptr).astype(np.int32), matrix.indices.astype(np.int32), matrix.data.astype(np.float32)
-        )
-        return StoredOperator([entries], shape[1])
+        return StoredOperator.of(matrix.astype(np.float32))
 
     def _checked(self, values: torch.Tensor) -> torch.Tensor:
         if len(values) != len(self.seen):

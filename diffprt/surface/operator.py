@@ -10,6 +10,7 @@ from functools import cached_property
 
 import numpy as np
 import torch
+from scipy import sparse
 
 
 @dataclass(frozen=True)
@@ -76,6 +77,13 @@ class StoredOperator(BounceOperator):
             self.matrix = torch.sparse_csr_tensor(
                 crow.to(index), columns.to(index), values, size=(len(counts), sources), check_invariants=False
             )
+
+    @staticmethod
+    def of(matrix: sparse.csr_array | sparse.csr_matrix) -> StoredOperator:
+        """SciPy's sparse matrix, in its own dtype."""
+        matrix.sort_indices()
+        counts, columns = (part.astype(np.int32) for part in (np.diff(matrix.indptr), matrix.indices))
+        return StoredOperator([OperatorRows(counts, columns, matrix.data)], matrix.shape[1])
 
     def product(self, dense: torch.Tensor) -> torch.Tensor:
         result = self.matrix.to(dense.dtype) @ dense

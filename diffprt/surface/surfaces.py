@@ -22,6 +22,7 @@ class Surfaces:
         positions: float32 [N, 3], every vertex.
         faces: int64 [F, 3] into `positions`.
         receivers: vertices of meshes that are not occluder-only, with the triangles that connect them.
+        receives: bool [N], the vertices that are receivers, in their order; others only block light.
         source_of_corner: int64 [F, 3], the receiver at each face corner; -1 on occluder-only meshes,
             which absorb what they block.
     """
@@ -29,6 +30,7 @@ class Surfaces:
     positions: torch.Tensor
     faces: torch.Tensor
     receivers: Receivers
+    receives: torch.Tensor
     source_of_corner: torch.Tensor
 
     @staticmethod
@@ -57,7 +59,7 @@ class Surfaces:
             own_faces,
             through if bool(through.any()) else None,
         )
-        return Surfaces(geometry.positions, geometry.faces, receivers, source_of_corner)
+        return Surfaces(geometry.positions, geometry.faces, receivers, receives, source_of_corner)
 
     def mesh(self, threads: int | None = None) -> TriangleMesh:
         """The triangles to trace against: built once, on `threads` CPU threads (all without), and not pickled."""

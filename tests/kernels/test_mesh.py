@@ -56,7 +56,7 @@ def test_visibility_agrees_with_embree(name, bumpy, peer):
     surfaces = Surfaces.of(scene)
     mesh = TriangleMesh(surfaces.positions, surfaces.faces)
     receivers, rays = surfaces.receivers, 256
-    scramble = receivers.scramble(0, surfaces.positions.amin(0), surfaces.diagonal)
+    scramble = surfaces.scramble(receivers, 0)
     directions = hemisphere_directions(receivers.normals, Pattern.create(rays, scramble)).reshape(-1, 3)
     origins = receivers.origins(mesh.ray_offset()).repeat_interleave(rays, dim=0)
     _distance, face, _weights = mesh.closest_hits(origins, directions)

@@ -18,7 +18,7 @@ def set_up(scene, rays: int):
     surfaces = Surfaces.of(scene)
     mesh = TriangleMesh(surfaces.positions, surfaces.faces)
     receivers = surfaces.receivers
-    pattern = Pattern.create(rays, receivers.scramble(0, surfaces.positions.amin(0), surfaces.diagonal))
+    pattern = Pattern.create(rays, surfaces.scramble(receivers, 0))
     return mesh, receivers.origins(mesh.ray_offset()), receivers.normals, pattern
 
 

@@ -29,7 +29,7 @@ def test_kernel_matches_the_twin(bumpy, bounces):
     some = Receivers(
         every.positions[::40], every.normals[::40], every.albedo[::40], torch.zeros((0, 3), dtype=torch.int64)
     )
-    pattern = Pattern.create(128, some.scramble(3, surfaces.positions.amin(0), surfaces.diagonal))
+    pattern = Pattern.create(128, surfaces.scramble(some, 3))
     corners = surfaces.source_of_corner.numpy() if bounces else None
     tracer = DirectTracer(mesh, some, pattern, 5, corners, len(every))
     sums, blocked, rows = tracer.trace_rows(range(len(some)))

@@ -74,7 +74,7 @@ def test_they_are_the_mean_of_unblocked_rays(bumpy):
     mesh = TriangleMesh(surfaces.positions, surfaces.faces)
     r = surfaces.receivers
     pick = torch.arange(0, len(r), 29)
-    scramble = r.scramble(0, surfaces.positions.amin(0), surfaces.diagonal)[pick]
+    scramble = surfaces.scramble(r, 0)[pick]
     directions = hemisphere_directions(r.normals[pick], Pattern.create(256, scramble))
     origins = r.origins(mesh.ray_offset())[pick]
     blocked = mesh.occluded(origins.repeat_interleave(256, 0), directions.reshape(-1, 3)).reshape(-1, 256)

@@ -96,7 +96,7 @@ def test_trials_see_what_a_bake_sees():
     assert torch.allclose(whole, part, atol=FLOAT32["rounding"])
     scene = builtin_scene("cornell", subdivisions=2)
     before, after = (bake(scene, order=3, bounces=n, rays=4096, seed=n, fill_inside=False).diffuse for n in (1, 2))
-    pattern = Pattern.create(4096, some.scramble(9, surfaces.positions.amin(0), surfaces.diagonal))
+    pattern = Pattern.create(4096, surfaces.scramble(some, 9))
     found, noise = trace_some(surfaces, mesh, some, pattern, 3, reflected=reflected_light(surfaces, before))
     assert found.shape == after[pick].shape and noise.shape == (len(pick), 1, 9)
     assert relative_error(found, after[pick]) < 0.01

@@ -93,7 +93,7 @@ def visibility_study(
     }
     for scene in scenes:
         surfaces = Surfaces.of(scene)
-        mesh = TriangleMesh(surfaces.positions, surfaces.faces)
+        mesh = surfaces.mesh()
         peers: dict = {}
         for name, make in _PEERS.items():
             try:

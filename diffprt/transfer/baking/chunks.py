@@ -13,7 +13,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
-from typing import ClassVar, NamedTuple
+from typing import ClassVar, Generic, NamedTuple, TypeVar
 
 import safetensors.torch
 import torch
@@ -25,6 +25,7 @@ from diffprt.whole_file import write_whole
 
 _VERSION = 2
 Chunk = dict[str, torch.Tensor]
+Left = TypeVar("Left")
 
 
 class Pass(NamedTuple):
@@ -35,7 +36,7 @@ class Pass(NamedTuple):
     cut: list[range]
 
 
-class Work(ABC):
+class Work(ABC, Generic[Left]):
     """What passes compute.
 
     Attributes:
@@ -55,11 +56,11 @@ class Work(ABC):
         """Makes what is heavy, before threads share it."""
 
     @abstractmethod
-    def chunk(self, number: int, index: int, before: object) -> Chunk:
+    def chunk(self, number: int, index: int, before: Left | None) -> Chunk:
         """Chunk `index` of pass `number`, given what `join` made of the pass before (None before the first)."""
 
     @abstractmethod
-    def join(self, number: int, chunks: Iterator[Chunk], before: object) -> object:
+    def join(self, number: int, chunks: Iterator[Chunk], before: Left | None) -> Left:
         """What pass `number` leaves, from its chunks in order; each is dropped as the next is taken."""
 
     def __getstate__(self) -> dict:
@@ -67,13 +68,13 @@ class Work(ABC):
 
 
 def run_passes(
-    work: Work,
+    work: Work[Left],
     *,
     threads: int,
     folder: Path | None = None,
     track: Track = untracked,
     report: dict | None = None,
-) -> object:
+) -> Left:
     """Runs all passes; chunks that `folder` holds are not computed again.
 
     Returns:
@@ -99,13 +100,13 @@ def run_passes(
     ):
         counts[name] = counts.get(name, 0) + count
     work.ready(threads)
-    left: object = None
+    left: Left | None = None
     first = 0
     for number, (stage, text, cut) in enumerate(work.passes):
         here = range(first, first + len(cut))
         first += len(cut)
 
-        def one(place: int, number: int = number, start: int = here.start, before: object = left) -> None:
+        def one(place: int, number: int = number, start: int = here.start, before: Left | None = left) -> None:
             store.begin(place)
             # Threads begin with gradients enabled, whatever their parent has.
             with torch.set_grad_enabled(work.gradients):
@@ -125,6 +126,7 @@ def run_passes(
                 raise Interrupted(store.left_by_interrupt()) from None
         with timed(timings, "gathering chunks"):
             left = work.join(number, (store.take(place) for place in here), left)
+    assert left is not None, "work has at least one pass"
     return left
 
 

@@ -15,7 +15,7 @@ from scipy import sparse
 
 from diffprt.kernels import TriangleMesh, run_chunks
 from diffprt.kernels.hemispheres import HemisphereTracer
-from diffprt.surface.operator import BounceOperator
+from diffprt.surface.operator import BounceOperator, StoredOperator
 from diffprt.surface.receivers import Receivers
 from diffprt.surface.sampling import Pattern
 
@@ -67,12 +67,12 @@ class Fill:
     Attributes:
         rows: int64 [B], receivers to fill.
         sources: int64 [U], receivers outside that they are filled from.
-        weights: sparse CSR float64 [B, U], each row sums to 1.
+        weights: float64 [B, U], each row sums to 1.
     """
 
     rows: torch.Tensor
     sources: torch.Tensor
-    weights: sparse.csr_array
+    weights: StoredOperator
 
     @staticmethod
     def of(receivers: Receivers, inside: torch.Tensor) -> Fill | None:
@@ -107,25 +107,25 @@ class Fill:
         sources, column = np.unique(first[entries.col], return_inverse=True)
         shares = entries.data / np.bincount(entries.row, entries.data)[entries.row]
         weights = sparse.csr_array((shares, (entries.row, column)), shape=(len(rows), len(sources)))
-        return Fill(torch.from_numpy(rows), torch.from_numpy(sources), weights)
+        return Fill(torch.from_numpy(rows), torch.from_numpy(sources), StoredOperator.of(weights))
 
     def apply(self, signal: torch.Tensor) -> torch.Tensor:
         """`signal` [V, ...] with rows filled; a new tensor, without gradients."""
         filled = signal.clone()
-        filled[self.rows] = self._times(self.weights, signal[self.sources])
+        filled[self.rows] = _in_double(self.weights.product, signal[self.sources])
         return filled
 
     def transposed(self, signal: torch.Tensor) -> torch.Tensor:
         """The transposed map."""
         spread = signal.clone()
         spread[self.rows] = 0
-        spread[self.sources] += self._times(self.weights.T.tocsr(), signal[self.rows])
+        spread[self.sources] += _in_double(self.weights.transposed(), signal[self.rows])
         return spread
 
-    @staticmethod
-    def _times(matrix: sparse.csr_array, signal: torch.Tensor) -> torch.Tensor:
-        flat = signal.reshape(len(signal), -1).double().numpy()
-        return torch.from_numpy(matrix @ flat).to(signal.dtype).reshape(matrix.shape[0], *signal.shape[1:])
+
+def _in_double(product: Callable[[torch.Tensor], torch.Tensor], signal: torch.Tensor) -> torch.Tensor:
+    """A product with `signal` [V, ...], found in float64, in its own dtype."""
+    return product(signal.flatten(1).double()).to(signal.dtype).unflatten(1, signal.shape[1:])
 
 
 class FilledOperator(BounceOperator):

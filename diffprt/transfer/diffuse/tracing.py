@@ -16,8 +16,10 @@ from diffprt.surface.surfaces import Surfaces
 from diffprt.transfer.baking.chunks import Chunk, Pass, Work
 from diffprt.transfer.diffuse.direct import DirectTracer, chunk_rows
 
+Traced = tuple[torch.Tensor, torch.Tensor, list[OperatorRows]]
 
-class Tracing(Work):
+
+class Tracing(Work[Traced]):
     """Rays of receivers, along a curve through space, against a scene's surfaces.
 
     Args:
@@ -75,16 +77,14 @@ class Tracing(Work):
         self.surfaces.mesh(threads)
         _ = self.tracer
 
-    def chunk(self, number: int, index: int, before: object) -> Chunk:
+    def chunk(self, number: int, index: int, before: Traced | None) -> Chunk:
         sums, blocked, rows = self.tracer.trace(index)
         found = {"sums": sums, "blocked": blocked}
         if rows is not None:
             found |= {"counts": rows.counts, "columns": rows.columns, "values": rows.values}
         return {name: torch.from_numpy(array) for name, array in found.items()}
 
-    def join(
-        self, number: int, chunks: Iterator[Chunk], before: object
-    ) -> tuple[torch.Tensor, torch.Tensor, list[OperatorRows]]:
+    def join(self, number: int, chunks: Iterator[Chunk], before: Traced | None) -> Traced:
         """Sums [2, rows, K] and blocked rays [rows] for `direct_transfer`, and rows of the bounce operator."""
         parts = list(chunks)
         rows = [

@@ -35,7 +35,7 @@ class Passed:
     squares: torch.Tensor
 
 
-class GlossyPasses(Work):
+class GlossyPasses(Work[Passed]):
     """Traces and reflects for runs of receivers; results do not depend on how the runs are cut.
 
     Args:
