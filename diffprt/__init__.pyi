@@ -29,6 +29,7 @@ from .transfer import GlossyTransfer as GlossyTransfer
 from .transfer import Transfer as Transfer
 from .transfer import bake as bake
 from .transfer import bake_glossy as bake_glossy
+from .transfer import prepare as prepare
 from .transfer import trace as trace
 
 __version__: str

@@ -3,7 +3,7 @@
 import inspect
 import subprocess
 import sys
-from dataclasses import fields
+from dataclasses import dataclass, fields
 
 import pytest
 
@@ -30,6 +30,22 @@ def test_a_function_takes_the_fields_as_keywords():
     assert "    rays: Rays per receiver." in measure.__doc__
     with pytest.raises(TypeError, match="unexpected keyword argument 'ray'"):
         measure("a", ray=64)
+
+
+def test_an_object_may_stand_in_place_of_keywords():
+    @dataclass(frozen=True, kw_only=True)
+    class Wider(BakeOptions):
+        folder: str = ""
+
+    @takes(Wider)
+    def measure(scene: str, options: Wider) -> Wider:
+        return options
+
+    asked = BakeOptions(order=3, rays=64)
+    assert measure("a", asked) == Wider(order=3, rays=64)
+    assert measure("a", Wider(order=3, folder="b"), rays=8) == Wider(order=3, folder="b", rays=8)
+    with pytest.raises(TypeError, match="too many positional"):
+        measure("a", {"order": 3})
 
 
 def test_a_function_may_have_an_argument_more():
