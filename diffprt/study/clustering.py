@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import torch
@@ -11,30 +11,16 @@ from diffprt.compression import clusters_per_pass, encode, lbg, overdraw, square
 from diffprt.compression.clusters.partition import canonical
 from diffprt.compression.clusters.randomized_pca import principal_span
 from diffprt.errors import InputError
+from diffprt.options import takes
+from diffprt.options.study import ClusteringOptions
 from diffprt.scene import Scene, load_scene
 from diffprt.study.overdraw.methods import ORIGINAL, cluster_energy, faiss_labels, has_peer
 from diffprt.study.overdraw.signal import Signal, SignalSettings, load_signal
 from diffprt.study.timing import Stopwatch, paired_ratio, spread
 
-Say = Callable[[str], None]
 
-
-def clustering_study(
-    source: str | Path | Scene,
-    output: str | Path,
-    *,
-    signal: str = "shadow",
-    clusters: int = 256,
-    components: int = 8,
-    registers: int | None = 256,
-    iterations: int = 20,
-    rounds: int = 3,
-    order: int = 6,
-    rays: int = 1024,
-    channels: int | None = None,
-    seed: int = 0,
-    say: Say = lambda text: None,
-) -> dict:
+@takes(ClusteringOptions)
+def clustering_study(source: str | Path | Scene, output: str | Path, asked: ClusteringOptions) -> dict:
     """Times k-means of both at equal iterations, in turns, then the method that `compress` uses when none is named.
 
     Ours is what every method begins with: the span of the signals, and LBG in it. Energies are of the whole signals.
@@ -44,14 +30,9 @@ def clustering_study(
         source: a scene file, "builtin:NAME" or a scene with triangles.
         output: folder that keeps the baked signal.
         signal: as `SignalSettings.brdf`.
-        clusters: M.
-        components: P per cluster.
         registers: float4 registers that the best method forms passes for; None for no particular display.
-        iterations: of k-means.
         rounds: in which the two take turns; each has its own seed.
         order, rays, channels: as in `SignalSettings`.
-        seed: of rays and of the first round.
-        say: is told what goes on.
 
     Returns:
         Plain numbers: `settings`, `notes`, `kmeans` (`ours` and `faiss` with spreads of `cpu_seconds`, `seconds` and
@@ -62,40 +43,36 @@ def clustering_study(
     Raises:
         InputError: the scene has no triangles, or a value is out of range.
     """
-    if rounds < 1 or iterations < 1:
-        raise InputError(f"{rounds} rounds of {iterations} iterations: give 1 or more of each")
+    if asked.rounds < 1 or asked.iterations < 1:
+        raise InputError(f"{asked.rounds} rounds of {asked.iterations} iterations: give 1 or more of each")
     found = load_signal(
-        load_scene(source), SignalSettings(signal, order, rays, channels=channels, seed=seed), Path(output) / "signals"
+        load_scene(source),
+        SignalSettings(asked.signal, asked.order, asked.rays, channels=asked.channels, seed=asked.seed),
+        Path(output) / "signals",
     )
     if len(found.receivers.faces) == 0:
         raise InputError(f"scene {found.scene} has 0 faces, overdraw is of triangles: give a mesh")
     notes = []
     if not has_peer():
         notes.append("faiss is not installed, its part is left out: pip install faiss-cpu")
-    kmeans = _kmeans(found.vectors.float().contiguous(), clusters, iterations, [seed + r for r in range(rounds)], say)
-    say(f"the whole best method on {found.name}")
+    kmeans = _kmeans(found.vectors.float().contiguous(), asked)
+    asked.say(f"the whole best method on {found.name}")
     return {
         "settings": {
             "scene": found.scene,
-            "signal": signal,
             "size": list(found.vectors.shape),
-            "clusters": clusters,
-            "components": components,
-            "registers": registers,
-            "iterations": iterations,
-            "rounds": rounds,
-            "order": order,
-            "rays": rays,
-            "seed": seed,
             "threads": torch.get_num_threads(),
+            **asked.settings("channels"),
         },
         "notes": notes,
         "kmeans": kmeans,
-        "best": _best(found, clusters, components, registers, seed),
+        "best": _best(found, asked),
     }
 
 
-def _kmeans(vectors: torch.Tensor, clusters: int, iterations: int, seeds: list[int], say: Say) -> dict:
+def _kmeans(vectors: torch.Tensor, asked: ClusteringOptions) -> dict:
+    clusters, iterations = asked.clusters, asked.iterations
+
     def ours(seed: int) -> torch.Tensor:
         span = principal_span(vectors, seed=seed)
         return lbg(span.coordinates, clusters, seed=seed, iterations=iterations, tolerance=0.0).labels
@@ -104,11 +81,11 @@ def _kmeans(vectors: torch.Tensor, clusters: int, iterations: int, seeds: list[i
     if has_peer():
         contenders["faiss"] = lambda seed: faiss_labels(vectors, clusters, seed=seed, iterations=iterations)
     runs: dict = {name: {"cpu_seconds": [], "seconds": [], "energy": []} for name in contenders}
-    for number, seed in enumerate(seeds):
-        say(f"k-means, round {number + 1} of {len(seeds)}")
+    for number in range(asked.rounds):
+        asked.say(f"k-means, round {number + 1} of {asked.rounds}")
         for name, work in contenders.items():
             watch = Stopwatch()
-            labels = watch.time(lambda work=work, seed=seed: work(seed))
+            labels = watch.time(partial(work, asked.seed + number))
             runs[name]["cpu_seconds"].append(watch.cpu_seconds)
             runs[name]["seconds"].append(watch.seconds)
             runs[name]["energy"].append(cluster_energy(vectors, canonical(labels)[0]))
@@ -121,26 +98,17 @@ def _kmeans(vectors: torch.Tensor, clusters: int, iterations: int, seeds: list[i
     return result
 
 
-def _best(signal: Signal, clusters: int, components: int, registers: int | None, seed: int) -> dict:
+def _best(signal: Signal, asked: ClusteringOptions) -> dict:
     faces, per_pass = signal.receivers.faces, None
-    if registers is not None:
-        per_pass = clusters_per_pass(registers, components, channels=signal.channels, outputs=signal.outputs)
+    if asked.registers is not None:
+        sizes = {"channels": signal.channels, "outputs": signal.outputs}
+        per_pass = clusters_per_pass(asked.registers, asked.components, **sizes)
+    fixed = {"clusters": asked.clusters, "components": asked.components, "seed": asked.seed}
+    mesh = {"positions": signal.receivers.positions, "faces": faces}
 
     def encoded(method: str | None, per_pass: int | None):
         watch = Stopwatch()
-        found = watch.time(
-            lambda: encode(
-                signal.vectors,
-                clusters=clusters,
-                components=components,
-                method=method,
-                positions=signal.receivers.positions,
-                faces=faces,
-                per_pass=per_pass,
-                seed=seed,
-            )
-        )
-        return found, watch
+        return watch.time(lambda: encode(signal.vectors, method=method, per_pass=per_pass, **mesh, **fixed)), watch
 
     def measured(found) -> dict:
         row = {

@@ -17,6 +17,8 @@ import torch
 from diffprt import sh
 from diffprt.errors import InputError
 from diffprt.inverse import recover_albedo, recover_light, recover_light_and_albedo
+from diffprt.options import takes
+from diffprt.options.study import InverseOptions
 from diffprt.rendering import render
 from diffprt.scene import Camera, Light, Scene, builtin_environment, builtin_scene, load_scene
 from diffprt.study.mitsuba.scene import mitsuba_scene, path_trace, start_mitsuba
@@ -28,31 +30,17 @@ Photograph = Callable[[Scene, Light, Camera, int], torch.Tensor]
 _BOUNCES = 8
 
 
-def inverse_study(
-    source: str | Scene,
-    *,
-    order: int = 4,
-    rays: int = 4096,
-    views: int = 3,
-    albedo_views: int = 8,
-    size: int = 192,
-    samples: int = 512,
-    noise: float = 0.01,
-    seed: int = 0,
-    say: Callable[[str], None] = lambda text: None,
-) -> dict:
+@takes(InverseOptions)
+def inverse_study(source: str | Scene, asked: InverseOptions) -> dict:
     """Recovers light, albedo and both, and says how far off they are.
 
     Args:
         source: a scene file, "builtin:NAME" or a scene of one mesh.
-        order: SH bands of light and transfer.
         rays: rays per receiver of the transfer that is inverted; the other bake has as many of another seed.
         views: pictures for a light, from around the object.
         albedo_views: pictures for an albedo, under each light.
-        size: pixels a side.
         samples: Mitsuba's samples per pixel; their noise comes to the noise added.
         noise: standard deviation added to every pixel, as a share of the picture's root mean square.
-        seed: of rays and noise.
 
     Returns:
         Plain numbers: `settings`, `versions`, and `light`, `albedo`, `joint`, lists of rows.
@@ -60,57 +48,45 @@ def inverse_study(
     Raises:
         InputError: Mitsuba is missing, or an option is out of range.
     """
-    if min(views, albedo_views, samples) < 1 or not noise >= 0:
-        raise InputError(
-            f"views {views}, albedo_views {albedo_views}, samples {samples}, noise {noise}: give 1 or more"
-        )
+    if min(asked.views, asked.albedo_views, asked.samples) < 1 or not asked.noise >= 0:
+        given = ", ".join(f"{name} {getattr(asked, name)}" for name in ("views", "albedo_views", "samples", "noise"))
+        raise InputError(f"{given}: give 1 or more")
     mitsuba, _ = start_mitsuba()
     scene = source if isinstance(source, Scene) else load_scene(source)
-    traced = partial(_traced, mitsuba, samples)
-    lights = {name: builtin_environment(name).project(order, window="auto") for name in ("sky", "studio")}
-    say("bake")
-    transport = trace(scene, order=order, rays=rays, bounces="converged", seed=seed)
-    other = trace(scene, order=order, rays=rays, bounces="converged", seed=seed + 1)
-    shoot = partial(_pictures, transport.receivers.positions, size=size, noise=noise, seed=seed)
+    traced = partial(_traced, mitsuba, asked.samples)
+    lights = {name: builtin_environment(name).project(asked.order, window="auto") for name in ("sky", "studio")}
+    asked.say("bake")
+    transport = trace(scene, order=asked.order, rays=asked.rays, bounces="converged", seed=asked.seed)
+    other = trace(scene, order=asked.order, rays=asked.rays, bounces="converged", seed=asked.seed + 1)
+    shoot = partial(_pictures, transport.receivers.positions, size=asked.size, noise=asked.noise, seed=asked.seed)
     rows = []
     for name, light in lights.items():
         for maker, photograph in (("Mitsuba", traced), ("another bake", partial(_baked, other))):
-            say(f"light from {views} pictures by {maker} under {name}")
-            pictures = shoot(scene, light, photograph, views)
+            asked.say(f"light from {asked.views} pictures by {maker} under {name}")
+            pictures = shoot(scene, light, photograph, asked.views)
             rows.append(_light_row(scene, maker, name, light, recover_light(transport.transfer(), pictures)))
-    say("light from a convex object")
-    rows.append(_convex_row(traced, views, size, noise, seed))
+    asked.say("light from a convex object")
+    rows.append(_convex_row(traced, asked.views, asked.size, asked.noise, asked.seed))
     painted, truth = painted_scene(scene)
-    say(f"albedo from {albedo_views} pictures")
+    asked.say(f"albedo from {asked.albedo_views} pictures")
     albedo_rows, seen = [], {}
     for name in lights:
-        seen[name] = shoot(painted, lights[name], traced, albedo_views)
+        seen[name] = shoot(painted, lights[name], traced, asked.albedo_views)
         for model, asset in (
             ("follows", transport),
             ("as baked with 0.5", transport.transfer(albedo=_gray(transport))),
         ):
             found = recover_albedo(asset, seen[name])
             albedo_rows.append({"light": name, "interreflection": model, **_albedo_row(found, truth)})
-    say("light and albedo together")
+    asked.say("light and albedo together")
     turned = Light(lights["studio"].coefficients).rotate(_half_turn())
-    seen["studio, turned"] = shoot(painted, turned, traced, albedo_views)
+    seen["studio, turned"] = shoot(painted, turned, traced, asked.albedo_views)
     lights["studio, turned"] = turned
     pictures = [picture[:2] for own in seen.values() for picture in own]
     lit_by = [index for index, own in enumerate(seen.values()) for _ in own]
     joint = _joint_row(transport, pictures, lit_by, truth, list(lights.values()))
     return {
-        "settings": {
-            "scene": scene.name,
-            "order": order,
-            "rays": rays,
-            "views": views,
-            "albedo_views": albedo_views,
-            "size": size,
-            "samples": samples,
-            "noise": noise,
-            "mitsuba_bounces": _BOUNCES,
-            "seed": seed,
-        },
+        "settings": {"scene": scene.name, **asked.settings(), "mitsuba_bounces": _BOUNCES},
         "versions": {"mitsuba": mitsuba.__version__, "variant": mitsuba.variant()},
         "light": rows,
         "albedo": albedo_rows,

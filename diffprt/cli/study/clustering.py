@@ -6,30 +6,24 @@ from pathlib import Path
 
 import typer
 
+from diffprt.cli.from_options import from_options
 from diffprt.cli.outputs import JsonFile, check_output, write_report
 from diffprt.cli.tables import print_table, say
+from diffprt.options.study import ClusteringOptions
 
 
+@from_options(ClusteringOptions)
 def run(
+    *,
     source: str = typer.Argument("builtin:bunny", metavar="SCENE", help="A scene file or builtin:NAME."),
-    signal: str = typer.Option("shadow", help="shadow, diffuse or a BRDF, NAME:parameter=value,..."),
-    clusters: int = typer.Option(256, help="Clusters."),
-    components: int = typer.Option(8, help="Components per cluster."),
-    registers: int = typer.Option(256, help="float4 registers of a pass."),
-    iterations: int = typer.Option(20, help="Of k-means."),
-    rounds: int = typer.Option(3, help="In which ours and faiss take turns."),
-    order: int = typer.Option(6, help="SH bands."),
-    rays: int = typer.Option(1024, help="Rays per receiver."),
-    channels: int = typer.Option(None, help="1 or 3.  [default: as many as the BRDF has]"),
-    seed: int = typer.Option(0, help="Of rays, and of the first round."),
+    options: ClusteringOptions,
     output: Path = typer.Option(Path("out/clustering"), "-o", "--output", help="The folder that keeps the signal."),
     json_file: Path = JsonFile,
 ) -> None:
-    asked = {name: value for name, value in locals().items() if name not in ("source", "output", "json_file")}
     from diffprt.study.clustering import clustering_study
 
     check_output(output, directory=True)
-    report = clustering_study(source, output, **asked, say=say)
+    report = clustering_study(source, output, **vars(options) | {"say": say})
     write_report(json_file, "study clustering", report)
     print_clustering(report)
 

@@ -6,35 +6,31 @@ from pathlib import Path
 
 import typer
 
+from diffprt.cli.from_options import from_options
 from diffprt.cli.outputs import JsonFile, check_output, write_report
 from diffprt.cli.tables import print_table, say, size_text
+from diffprt.options.study import DisplayOptions
 
 
+@from_options(DisplayOptions)
 def run(
+    *,
     source: str = typer.Argument("builtin:bunny", metavar="SCENE", help="A scene file or builtin:NAME."),
-    clusters: int = typer.Option(64, help="Clusters."),
-    components: int = typer.Option(8, help="Components per cluster."),
-    registers: int = typer.Option(256, help="float4 uniforms of a pass."),
-    order: int = typer.Option(6, help="SH bands."),
-    rays: int = typer.Option(256, help="Rays per receiver."),
-    size: int = typer.Option(512, help="Pixels a side."),
-    frames: int = typer.Option(12, help="Frames that are timed in a round."),
-    rounds: int = typer.Option(5, help="In which all take turns."),
+    options: DisplayOptions,
     pictures: Path = typer.Option(None, help="Only takes pictures of the page, into this folder."),
     json_file: Path = JsonFile,
 ) -> None:
-    asked = {name: value for name, value in locals().items() if name not in ("source", "pictures", "json_file")}
     from diffprt.study.display.pictures import display_pictures
     from diffprt.study.display.study import display_study
 
     if pictures is not None:
         check_output(pictures, directory=True)
-        sizes = {"clusters": clusters, "components": components, "registers": registers, "order": order, "rays": rays}
+        sizes = options.settings("size", "frames", "rounds")
         made = display_pictures(source, pictures, **sizes, say=say)
         write_report(json_file, "study display", {"settings": sizes, "outputs": [str(path) for path in made]})
         print(f"{pictures}: {len(made)} pictures")
         return
-    report = display_study(source, **asked, say=say)
+    report = display_study(source, **vars(options) | {"say": say})
     write_report(json_file, "study display", report)
     print_display(report)
 

@@ -6,28 +6,22 @@ from pathlib import Path
 
 import typer
 
+from diffprt.cli.from_options import from_options
 from diffprt.cli.outputs import JsonFile, write_report
 from diffprt.cli.tables import print_table, say
+from diffprt.options.study import GradientOptions
 
 
+@from_options(GradientOptions)
 def run(
     source: str = typer.Argument("builtin:bunny", metavar="SCENE", help="A scene file or builtin:NAME."),
-    order: int = typer.Option(6, help="SH bands of transfer and light."),
-    rays: int = typer.Option(1024, help="Rays per receiver."),
-    bounces: int = typer.Option(2, help="Interreflections, of Mitsuba's paths too."),
-    size: int = typer.Option(256, help="Pixels a side."),
-    samples: int = typer.Option(16, help="Mitsuba's samples per pixel of a timed step."),
-    rows: int = typer.Option(32, help="Rows of the environment map whose texels are optimized."),
-    rounds: int = typer.Option(7, help="In which all take turns."),
-    truth_samples: int = typer.Option(1024, help="Mitsuba's samples per pixel of the gradients compared."),
-    halves: int = typer.Option(2, help="Independent gradients of so many samples."),
-    seed: int = typer.Option(0, help="Of the bake and of Mitsuba."),
     json_file: Path = JsonFile,
+    *,
+    options: GradientOptions,
 ) -> None:
-    asked = {name: value for name, value in locals().items() if name not in ("source", "json_file")}
     from diffprt.study.gradient.study import gradient_study
 
-    report = gradient_study(source, **asked, say=say)
+    report = gradient_study(source, **vars(options) | {"say": say})
     write_report(json_file, "study gradient", report)
     print_gradient(report)
 

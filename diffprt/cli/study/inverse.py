@@ -6,26 +6,22 @@ from pathlib import Path
 
 import typer
 
+from diffprt.cli.from_options import from_options
 from diffprt.cli.outputs import JsonFile, write_report
 from diffprt.cli.tables import print_table, say
+from diffprt.options.study import InverseOptions
 
 
+@from_options(InverseOptions)
 def run(
     source: str = typer.Argument("builtin:bunny", metavar="SCENE", help="A scene file or builtin:NAME, of one mesh."),
-    order: int = typer.Option(4, help="SH bands of light and transfer."),
-    rays: int = typer.Option(4096, help="Rays per receiver."),
-    views: int = typer.Option(3, help="Pictures that a light is found from."),
-    albedo_views: int = typer.Option(8, help="Pictures that an albedo is found from, under each light."),
-    size: int = typer.Option(192, help="Pixels a side."),
-    samples: int = typer.Option(512, help="Mitsuba's samples per pixel."),
-    noise: float = typer.Option(0.01, help="Added to every pixel, a share of the picture's root mean square."),
-    seed: int = typer.Option(0, help="Of rays and noise."),
     json_file: Path = JsonFile,
+    *,
+    options: InverseOptions,
 ) -> None:
-    asked = {name: value for name, value in locals().items() if name not in ("source", "json_file")}
     from diffprt.study.inverse import inverse_study
 
-    report = inverse_study(source, **asked, say=say)
+    report = inverse_study(source, **vars(options) | {"say": say})
     write_report(json_file, "study inverse", report)
     print_inverse(report)
 

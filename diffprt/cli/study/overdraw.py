@@ -6,59 +6,30 @@ from pathlib import Path
 
 import typer
 
+from diffprt.cli.from_options import from_options
 from diffprt.cli.outputs import JsonFile, check_output, write_report
 from diffprt.cli.tables import print_table, say, size_text
+from diffprt.options.study import OverdrawOptions
 from diffprt.study.overdraw.thesis_tables import thesis_table
 
 
+@from_options(OverdrawOptions)
 def run(
+    *,
     source: list[str] = typer.Argument(
         None, metavar="[SCENE]...", help="Scene files or builtin:NAME.  [default: builtin:bunny]"
     ),
-    brdf: list[str] = typer.Option(
-        ["phong:exponent=16", "cook-torrance:roughness=0.3"],
-        help="NAME:parameter=value,...; diffuse for diffuse transfer; shadow for matrices without BRDF; repeatable.",
-    ),
-    clusters: list[int] = typer.Option([256, 64, 128, 192], help="Clusters; may be repeated."),
-    method: list[str] = typer.Option(
-        None,
-        help="NAME[=COHERENCE][~SLACK][@REGISTERS], NAME as in compress, faiss or position-only; repeatable.  "
-        "[default: all that count]",
-    ),
-    components: int = typer.Option(8, help="Components per cluster."),
-    registers: list[int] = typer.Option([256, 1024, 4096], help="float4 registers of a pass; may be repeated."),
-    light: list[str] = typer.Option(["sky", "studio"], help="Of the image error: sky, studio or a map; repeatable."),
-    order: int = typer.Option(6, help="SH bands."),
-    rays: int = typer.Option(1024, help="Rays per receiver."),
-    bounces: int = typer.Option(0, help="Interreflections."),
-    channels: int = typer.Option(None, help="1 or 3.  [default: as many as the BRDF has]"),
-    seed: int = typer.Option(0, help="Of rays and starts."),
-    seeds: int = typer.Option(3, help="Starts of original CPCA."),
-    minutes: float = typer.Option(None, help="Begin no row after these; repeat the command to go on."),
+    options: OverdrawOptions,
     output: Path = typer.Option(Path("out/overdraw"), "-o", "--output", help="The folder; its rows are kept."),
     json_file: Path = JsonFile,
 ) -> None:
-    from diffprt.study.overdraw.methods import DEFAULT
     from diffprt.study.overdraw.study import overdraw_study
 
     check_output(output, directory=True)
     report = overdraw_study(
         source or ["builtin:bunny"],
         output,
-        brdfs=brdf,
-        clusters=clusters,
-        methods=method or DEFAULT,
-        components=components,
-        budgets=registers,
-        lights=light,
-        order=order,
-        rays=rays,
-        bounces=bounces,
-        channels=channels,
-        seed=seed,
-        seeds=seeds,
-        minutes=minutes,
-        say=say,
+        **vars(options) | {"say": say},
     )
     write_report(json_file, "study overdraw", report)
     print_overdraw(report)

@@ -6,21 +6,21 @@ from pathlib import Path
 
 import typer
 
+from diffprt.cli.from_options import from_options
 from diffprt.cli.outputs import JsonFile, check_output, write_report
 from diffprt.cli.tables import print_table, say
+from diffprt.options.study import ToleranceOptions
 
 
+@from_options(ToleranceOptions)
 def run(
+    *,
     source: list[str] = typer.Argument(
         None, metavar="[SCENE]...", help="Scene files or builtin:NAME.  [default: every built-in scene]"
     ),
     data: Path = typer.Option(None, help="A folder whose meshes are added."),
     random: int = typer.Option(12, help="Random scenes that are added."),
-    tolerance: list[float] = typer.Option([0.03, 0.01], help="Relative errors asked for; may be repeated."),
-    bounces: list[int] = typer.Option([0, 2], help="Diffuse interreflections; may be repeated."),
-    order: int = typer.Option(6, help="SH bands."),
-    seed: int = typer.Option(0, help="Of bakes, and of the first random scene."),
-    truth_rays: int = typer.Option(20_000_000, help="Most rays of a truth; fewer receivers are compared beyond it."),
+    options: ToleranceOptions,
     output: Path = typer.Option(Path("out/tolerance"), "-o", "--output", help="The folder for rows and chart."),
     json_file: Path = JsonFile,
 ) -> None:
@@ -31,14 +31,7 @@ def run(
     report = tolerance_study(
         source or [f"builtin:{name}" for name in BUILTIN_SCENES],
         output,
-        data=data,
-        random=random,
-        tolerances=tolerance,
-        bounces=bounces,
-        order=order,
-        seed=seed,
-        truth_rays=truth_rays,
-        say=say,
+        **vars(options) | {"say": say, "data": data, "random": random},
     )
     write_report(json_file, "study tolerance", report)
     print_tolerance(report)

@@ -6,31 +6,28 @@ from pathlib import Path
 
 import typer
 
+from diffprt.cli.from_options import from_options
 from diffprt.cli.outputs import JsonFile, check_output, write_report
 from diffprt.cli.tables import print_table, say
+from diffprt.options.study import VisibilityOptions
 
 _PEER_COLUMNS = ["scene", "rays", "peer", "differ", "fastest way"]
 
 
+@from_options(VisibilityOptions)
 def run(
+    *,
     source: list[str] = typer.Argument(
         None, metavar="[SCENE]...", help="Scene files or builtin:NAME.  [default: builtin:bunny builtin:closed_box]"
     ),
     output: Path = typer.Option(Path("out/visibility"), "-o", "--output", help="The folder for the chart."),
-    rays: list[int] = typer.Option([256, 2048], help="Rays per receiver; may be repeated."),
-    runs: int = typer.Option(5, help="Rounds in which all take turns."),
-    seconds: float = typer.Option(1.0, help="Least length of one timing."),
-    large: int = typer.Option(1_500_000, help="Triangles of the mesh whose structure is built; 0 for none."),
-    test_rays: int = typer.Option(1_000_000, help="Rays of the escape test and against brute force."),
-    brute_tests: float = typer.Option(1e10, help="Most triangle tests of brute force per scene."),
-    seed: int = typer.Option(0, help="Draws receivers and directions."),
+    options: VisibilityOptions,
     json_file: Path = JsonFile,
 ) -> None:
-    asked = {name: value for name, value in locals().items() if name not in ("source", "output", "json_file")}
     from diffprt.study.visibility.study import visibility_study
 
     check_output(output, directory=True)
-    report = visibility_study(source or ["builtin:bunny", "builtin:closed_box"], output, **asked, say=say)
+    report = visibility_study(source or ["builtin:bunny", "builtin:closed_box"], output, **vars(options) | {"say": say})
     write_report(json_file, "study visibility", report)
     print_visibility(report)
 

@@ -12,6 +12,8 @@ from typing import Any
 from diffprt.compression import compress
 from diffprt.errors import InputError
 from diffprt.exporters import Packed, export, pack
+from diffprt.options import takes
+from diffprt.options.study import DisplayOptions
 from diffprt.scene import Scene
 from diffprt.study.timing import paired_ratio, spread
 from diffprt.transfer import Transfer, bake
@@ -22,20 +24,8 @@ _ARGUMENTS = ("--headless", "--no-sandbox", "--use-angle=swiftshader", "--enable
 _WARM_UP = 3
 
 
-def display_study(
-    source: str | Transfer,
-    *,
-    clusters: int = 64,
-    components: int = 8,
-    registers: int = 256,
-    order: int = 6,
-    rays: int = 256,
-    size: int = 512,
-    frames: int = 12,
-    rounds: int = 5,
-    browser: Any = None,
-    say: Callable[[str], None] = lambda text: None,
-) -> dict[str, Any]:
+@takes(DisplayOptions)
+def display_study(source: str | Transfer, asked: DisplayOptions) -> dict[str, Any]:
     """Times whole frames of the exported page in headless Chromium, which draws in software.
 
     Every round draws `frames` frames each way, first under a light at rest, then under one that turns a little before
@@ -43,13 +33,7 @@ def display_study(
 
     Args:
         source: a scene file, builtin:NAME, or diffuse transfer.
-        clusters, components: of the compressed asset.
-        registers: float4 uniforms of a pass.
         order, rays: of the bake, where `source` is a scene.
-        size: pixels a side.
-        frames, rounds: how many.
-        browser: a playwright browser that is running already; without it, one is started.
-        say: told what is being done.
 
     Returns:
         {"settings", "counts", "rows", "ratios"}: a row for each way with milliseconds "still" and "turning" (median,
@@ -59,35 +43,27 @@ def display_study(
     Raises:
         InputError: there is no Chromium, or playwright is not installed.
     """
-    transfer = baked(source, say, order=order, rays=rays, bounces=0)
-    say(f"compressing into {clusters} clusters")
-    clustered = compress(transfer, clusters=clusters, components=components, registers=registers)
+    transfer = baked(source, asked.say, order=asked.order, rays=asked.rays, bounces=0)
+    asked.say(f"compressing into {asked.clusters} clusters")
+    clustered = compress(transfer, clusters=asked.clusters, components=asked.components, registers=asked.registers)
     ways = {
-        "one pass": (clustered, registers, "single"),
-        "passes": (clustered, registers, "passes"),
+        "one pass": (clustered, asked.registers, "single"),
+        "passes": (clustered, asked.registers, "passes"),
         "uncompressed": (transfer, None, "single"),
     }
     times: dict[str, dict[str, list[float]]] = {name: {"still": [], "turning": []} for name in ways}
-    with running_browser(browser) as running, _pages(running, ways, size) as pages:
+    with running_browser(asked.browser) as running, _pages(running, ways, asked.size) as pages:
         facts = {name: page.evaluate("window.diffprt.info") for name, page in pages.items()}
-        for round_ in range(-1, rounds):  # the first one warms up
-            say(f"round {round_ + 1} of {rounds}")
+        for round_ in range(-1, asked.rounds):  # the first one warms up
+            asked.say(f"round {round_ + 1} of {asked.rounds}")
             for name, page in pages.items():
                 for motion in ("still", "turning"):
                     call = "([count, turning]) => window.diffprt.timeFrames(count, turning)"
-                    taken = page.evaluate(call, [frames if round_ >= 0 else _WARM_UP, motion == "turning"])
+                    taken = page.evaluate(call, [asked.frames if round_ >= 0 else _WARM_UP, motion == "turning"])
                     if round_ >= 0:
                         times[name][motion].append(spread(taken)["median"])
     return {
-        "settings": {
-            "clusters": clustered.clusters,
-            "components": components,
-            "registers": registers,
-            "order": transfer.order,
-            "size": size,
-            "frames": frames,
-            "rounds": rounds,
-        },
+        "settings": asked.settings("rays") | {"clusters": clustered.clusters, "order": transfer.order},
         "counts": {
             "vertices": len(transfer.receivers),
             "triangles": len(transfer.receivers.faces),

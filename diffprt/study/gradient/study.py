@@ -14,12 +14,15 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from functools import partial
 
 import torch
 
 from diffprt import sh
 from diffprt.compression import compress
 from diffprt.errors import InputError
+from diffprt.options import takes
+from diffprt.options.study import GradientOptions
 from diffprt.rendering import FrozenView
 from diffprt.scene import Camera, Scene, builtin_environment, load_scene
 from diffprt.study.gradient.mitsuba import MitsubaGradient
@@ -36,37 +39,15 @@ _REFERENCE_SAMPLES = 256
 _LEAST_SECONDS = 0.2
 
 
-def gradient_study(
-    source: str | Scene,
-    *,
-    order: int = 6,
-    rays: int = 1024,
-    bounces: int = 2,
-    size: int = 256,
-    samples: int = 16,
-    rows: int = 32,
-    clusters: int = 64,
-    components: int = 8,
-    rounds: int = 7,
-    truth_samples: int = 1024,
-    halves: int = 2,
-    seed: int = 0,
-    say: Callable[[str], None] = lambda text: None,
-) -> dict:
+@takes(GradientOptions)
+def gradient_study(source: str | Scene, asked: GradientOptions) -> dict:
     """Times gradient steps of a picture and compares gradients to the light.
 
     Args:
         source: a scene file, "builtin:NAME" or a scene.
-        order: SH bands of transfer and light.
-        rays: rays per receiver of the bake.
         bounces: interreflections; Mitsuba's paths are as long, and once more without any.
-        size: pixels a side.
-        samples: Mitsuba's samples per pixel of a timed step.
         rows: rows of the environment map whose texels are optimized; it is twice as wide.
-        clusters, components: of the clustered asset whose means, bases and weights are optimized.
-        rounds: in which all take turns.
         truth_samples: Mitsuba's samples per pixel of each of `halves` gradients whose mean ours is compared with.
-        seed: of the bake and of Mitsuba.
 
     Returns:
         Plain numbers: `settings`, `versions`, `counts`, `setup` [s], `seconds` of a step of each contender, `ratios`
@@ -76,29 +57,15 @@ def gradient_study(
         InputError: Mitsuba is missing, or an option is out of range.
     """
     least = {"rounds": 1, "samples": 1, "truth_samples": 1, "halves": 2, "rows": 2, "size": 8}
-    settings = {
-        "order": order,
-        "rays": rays,
-        "bounces": bounces,
-        "size": size,
-        "samples": samples,
-        "rows": rows,
-        "clusters": clusters,
-        "components": components,
-        "rounds": rounds,
-        "truth_samples": truth_samples,
-        "halves": halves,
-        "seed": seed,
-    }
     for name, value in least.items():
-        if settings[name] < value:
-            raise InputError(f"{name} is {settings[name]}: give {value} or more")
+        if (given := getattr(asked, name)) < value:
+            raise InputError(f"{name} is {given}: give {value} or more")
     scene = source if isinstance(source, Scene) else load_scene(source)
-    start, goal = (builtin_environment(name).project(order, window="auto") for name in ("sky", "studio"))
+    start, goal = (builtin_environment(name).project(asked.order, window="auto") for name in ("sky", "studio"))
     setup: dict[str, float] = {}
 
     def once(name: str, work: Callable[[], object]) -> object:
-        say(name)
+        asked.say(name)
         begun = time.perf_counter()
         result = work()
         setup[name] = time.perf_counter() - begun
@@ -107,29 +74,34 @@ def gradient_study(
     def peer(light, bounces: int, rows: int) -> MitsubaGradient:
         return MitsubaGradient(scene, camera, light, bounces=bounces, rows=rows)
 
-    transfer = once("bake", lambda: bake(scene, order=order, rays=rays, bounces=bounces, seed=seed))
-    camera = Camera.framing(transfer.receivers.positions, width=size, height=size)
+    options = {"order": asked.order, "rays": asked.rays, "bounces": asked.bounces, "seed": asked.seed}
+    transfer = once("bake", lambda: bake(scene, **options))
+    camera = Camera.framing(transfer.receivers.positions, width=asked.size, height=asked.size)
     frozen = once("rasterize", lambda: FrozenView.of(transfer.receivers, camera))
-    clustered = once("compress", lambda: compress(transfer, clusters=clusters, components=components))
-    fine = once("build Mitsuba's scene", lambda: peer(start, bounces, _FINE_ROWS))
-    say("path trace the reference")
-    lit = peer(goal, bounces, _FINE_ROWS)
-    traced = path_trace(lit.mitsuba, lit.scene, bounces=bounces, samples=_REFERENCE_SAMPLES, seed=seed)
+    clustered = once("compress", lambda: compress(transfer, clusters=asked.clusters, components=asked.components))
+    fine = once("build Mitsuba's scene", lambda: peer(start, asked.bounces, _FINE_ROWS))
+    asked.say("path trace the reference")
+    lit = peer(goal, asked.bounces, _FINE_ROWS)
+    traced = path_trace(lit.mitsuba, lit.scene, bounces=asked.bounces, samples=_REFERENCE_SAMPLES, seed=asked.seed)
     picture = traced[..., :3].float() * frozen.mask[..., None]
-    steps = gradient_steps(transfer, clustered, frozen, start, picture[frozen.mask], rows=rows)
-    peers = {"mitsuba": peer(start, bounces, rows), "mitsuba, direct light": peer(start, 0, rows)}
+    steps = gradient_steps(transfer, clustered, frozen, start, picture[frozen.mask], rows=asked.rows)
+    peers = {"mitsuba": peer(start, asked.bounces, asked.rows), "mitsuba, direct light": peer(start, 0, asked.rows)}
     for name, one in peers.items():
         target = one.reference(picture)
-        seeds = iter(range(seed, seed + rounds + 2))
-        steps[name] = lambda one=one, target=target, seeds=seeds: one.step(target, samples=samples, seed=next(seeds))
+        seeds = iter(range(asked.seed, asked.seed + asked.rounds + 2))
+        step = partial(one.step, target, samples=asked.samples)
+        steps[name] = lambda step=step, seeds=seeds: step(seed=next(seeds))
     with one_torch_thread():
-        seconds = _race(steps, peers, rounds, once)
-    say("compare gradients")
-    (ours,) = gradient_steps(transfer, clustered, frozen, start, picture[frozen.mask], rows=rows)["light"]()
+        seconds = _race(steps, peers, asked.rounds, once)
+    asked.say("compare gradients")
+    (ours,) = gradient_steps(transfer, clustered, frozen, start, picture[frozen.mask], rows=asked.rows)["light"]()
     target = fine.reference(picture)
-    theirs = [fine.to_bands(target, order, samples=truth_samples, seed=seed + half) for half in range(halves)]
+    theirs = [
+        fine.to_bands(target, asked.order, samples=asked.truth_samples, seed=asked.seed + half)
+        for half in range(asked.halves)
+    ]
     return {
-        "settings": {"scene": scene.name, **settings},
+        "settings": {"scene": scene.name, **asked.settings()},
         "versions": fine.version,
         "counts": {
             "receivers": len(transfer.receivers),

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from diffprt.errors import InputError
+from diffprt.options import takes
+from diffprt.options.study import OverdrawOptions
 from diffprt.scene import BUILTIN_ENVIRONMENTS, Light, Scene, load_environment, load_scene
 from diffprt.study.overdraw.chart import overdraw_charts
 from diffprt.study.overdraw.image import HeldOut
@@ -22,8 +24,6 @@ from diffprt.study.rows import Rows
 from diffprt.surface import Surfaces
 
 Say = Callable[[str], None]
-BRDFS = ("phong:exponent=16", "cook-torrance:roughness=0.3")
-BUDGETS = (256, 1024, 4096)
 
 
 @dataclass(frozen=True)
@@ -36,25 +36,8 @@ class _Cell:
     clusters: int
 
 
-def overdraw_study(
-    sources: Iterable[str | Path | Scene],
-    output: str | Path,
-    *,
-    brdfs: tuple[str, ...] | list[str] = BRDFS,
-    clusters: tuple[int, ...] | list[int] = (256, 64, 128, 192),
-    methods: tuple[str, ...] | list[str] = DEFAULT,
-    components: int = 8,
-    budgets: tuple[int, ...] | list[int] = BUDGETS,
-    lights: tuple[str, ...] | list[str] = ("sky", "studio"),
-    order: int = 6,
-    rays: int = 1024,
-    bounces: int = 0,
-    channels: int | None = None,
-    seed: int = 0,
-    seeds: int = 3,
-    minutes: float | None = None,
-    say: Say = lambda text: None,
-) -> dict:
+@takes(OverdrawOptions)
+def overdraw_study(sources: Iterable[str | Path | Scene], output: str | Path, asked: OverdrawOptions) -> dict:
     """Clusters every signal with every method and sets error beside overdraw.
 
     Signals are kept under `output`/signals, rows in `output`/rows.jsonl as they are finished; repeated, the study
@@ -63,18 +46,12 @@ def overdraw_study(
 
     Args:
         sources: scene files, "builtin:NAME" or scenes.
-        output: folder.
         brdfs: as `SignalSettings.brdf`.
-        clusters: numbers of clusters.
         methods: as `Method.parse`.
-        components: P per cluster.
         budgets: float4 registers that super-clusters must fit into.
         lights: "sky", "studio" or a map, for the image error.
         order, rays, bounces, channels: as in `SignalSettings`.
-        seed: of rays and starts.
-        seeds: how many starts original CPCA has.
         minutes: no row is begun after these; None for no limit.
-        say: is told what goes on.
 
     Returns:
         Plain numbers: `settings`, `notes`, `rows`, `summary`, `files`; rows as of `overdraw_row`.
@@ -86,40 +63,47 @@ def overdraw_study(
     output = Path(output)
     output.mkdir(parents=True, exist_ok=True)
     notes: list[str] = []
+    methods = DEFAULT if asked.methods is None else asked.methods
     if PEER in methods and not has_peer():
         notes.append("faiss is not installed, its rows are left out: pip install faiss-cpu")
         methods = [method for method in methods if method != PEER]
     scenes = [load_scene(source) for source in sources]
-    signals = [SignalSettings(brdf, order, rays, bounces, channels, seed) for brdf in brdfs]
-    ways = _ways(methods, seed, seeds)
-    cells = [
-        _Cell(scene, signal, way, count) for count in clusters for way in ways for scene in scenes for signal in signals
+    signals = [
+        SignalSettings(brdf, asked.order, asked.rays, asked.bounces, asked.channels, asked.seed) for brdf in asked.brdfs
     ]
-    if not cells or seeds < 1 or min(clusters) < 1:
+    ways = _ways(methods, asked.seed, asked.seeds)
+    cells = [
+        _Cell(scene, signal, way, count)
+        for count in asked.clusters
+        for way in ways
+        for scene in scenes
+        for signal in signals
+    ]
+    if not cells or asked.seeds < 1 or min(asked.clusters) < 1:
         raise InputError(
-            f"{len(scenes)} scenes, {len(signals)} BRDFs, {len(ways)} methods, {seeds} seeds, clusters "
-            f"{list(clusters)}: give at least one of each"
+            f"{len(scenes)} scenes, {len(signals)} BRDFs, {len(ways)} methods, {asked.seeds} seeds, clusters "
+            f"{list(asked.clusters)}: give at least one of each"
         )
     # Rows that may stand beside each other.
-    study = _digest([components, list(budgets), list(lights), order, rays, bounces])
+    study = _digest([asked.components, list(asked.budgets), list(asked.lights), asked.order, asked.rays, asked.bounces])
     kept = Rows(output / "rows.jsonl")
     keys = [_digest([study, cell.signal.key(cell.scene), *cell.method.as_list(), cell.clusters]) for cell in cells]
     waiting = [(key, cell) for key, cell in zip(keys, cells, strict=True) if key not in kept.rows]
-    bench = _Bench(output / "signals", {Path(name).stem: _light(name, order) for name in lights})
+    bench = _Bench(output / "signals", {Path(name).stem: _light(name, asked.order) for name in asked.lights})
     for number, (key, cell) in enumerate(waiting):
-        if minutes is not None and time.perf_counter() - begun > 60 * minutes:
+        if asked.minutes is not None and time.perf_counter() - begun > 60 * asked.minutes:
             left = len(waiting) - number
-            notes.append(f"{left} rows are left after {minutes:g} minutes: repeat the command to go on")
+            notes.append(f"{left} rows are left after {asked.minutes:g} minutes: repeat the command to go on")
             break
         signal, held_out = bench.of(cell)
-        say(f"{number + 1} of {len(waiting)}: {signal.name}, {cell.clusters} clusters, {cell.method}")
+        asked.say(f"{number + 1} of {len(waiting)}: {signal.name}, {cell.clusters} clusters, {cell.method}")
         row, maps = overdraw_row(
             signal,
             held_out,
             cell.method,
             clusters=cell.clusters,
-            components=components,
-            budgets=tuple(budgets),
+            components=asked.components,
+            budgets=tuple(asked.budgets),
         )
         save_maps(output / "maps" / f"{key}.safetensors", maps)
         kept.add(key, row | {"maps": key, "study": study})
@@ -127,20 +111,7 @@ def overdraw_study(
     charts = overdraw_charts(output, rows)
     pictures = _pictures(output, kept, cells, keys)
     return {
-        "settings": {
-            "brdfs": list(brdfs),
-            "clusters": list(clusters),
-            "methods": list(methods),
-            "components": components,
-            "budgets": list(budgets),
-            "lights": list(lights),
-            "order": order,
-            "rays": rays,
-            "bounces": bounces,
-            "channels": channels,
-            "seed": seed,
-            "seeds": seeds,
-        },
+        "settings": asked.settings("minutes") | {"methods": list(methods)},
         "notes": notes,
         "rows": rows,
         "summary": summary(rows),

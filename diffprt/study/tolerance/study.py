@@ -12,7 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from diffprt.errors import InputError
+from diffprt.options import takes
 from diffprt.options.bake import BakeSettings
+from diffprt.options.study import ToleranceOptions
 from diffprt.scene import READERS, Scene, load_scene
 from diffprt.study.rows import Rows
 from diffprt.study.tolerance.chart import tolerance_chart
@@ -27,19 +29,8 @@ _FINER = 16
 _FEWEST = 32
 
 
-def tolerance_study(
-    sources: Iterable[str | Path | Scene],
-    output: str | Path,
-    *,
-    data: str | Path | None = None,
-    random: int = 0,
-    tolerances: list[float] | tuple[float, ...] = (0.03, 0.01),
-    bounces: list[int] | tuple[int, ...] = (0, 2),
-    order: int = 6,
-    seed: int = 0,
-    truth_rays: int = 20_000_000,
-    say: Say = lambda text: None,
-) -> dict:
+@takes(ToleranceOptions)
+def tolerance_study(sources: Iterable[str | Path | Scene], output: str | Path, asked: ToleranceOptions) -> dict:
     """Bakes with every tolerance and compares with at least 16 times the rays.
 
     Rows are kept in `rows.jsonl` under `output` as they are finished; repeated, the study goes on from there.
@@ -47,12 +38,7 @@ def tolerance_study(
     Args:
         sources: scene files, "builtin:NAME" or scenes.
         output: folder for rows and chart.
-        data: a folder, whose meshes are added; what is no mesh is skipped.
-        random: number of random scenes that are added, from `seed`, `seed` + 1, ...
-        tolerances: relative errors asked for.
-        bounces: numbers of interreflections.
         truth_rays: cap of a truth: beyond it, only as many receivers are compared as it allows.
-        say: is told what goes on.
 
     Returns:
         Plain numbers: `settings`, `notes`, `rows`, `summary`, `files`. Rows have `error`, `expected_error` and
@@ -62,22 +48,22 @@ def tolerance_study(
     Raises:
         InputError: nothing to do, or a value out of range.
     """
-    if not tolerances or not bounces or random < 0 or truth_rays < 1:
+    if not asked.tolerances or not asked.bounces or asked.random < 0 or asked.truth_rays < 1:
         raise InputError(
-            f"tolerances are {list(tolerances)}, bounces {list(bounces)}, random {random}, truth_rays {truth_rays}: "
-            "give at least one of the first two, and no negative number"
+            f"tolerances are {list(asked.tolerances)}, bounces {list(asked.bounces)}, random {asked.random}, "
+            f"truth_rays {asked.truth_rays}: give at least one of the first two, and no negative number"
         )
     output = Path(output)
     output.mkdir(parents=True, exist_ok=True)
     kept = Rows(output / "rows.jsonl")
     notes: list[str] = []
     rows: list[dict] = []
-    for scene in _scenes(sources, data, random, seed, notes):
-        for count in bounces:
-            settings = BakeSettings(order=order, bounces=count, seed=seed)
-            for row in _scene_rows(scene, settings, list(tolerances), truth_rays, kept, say):
+    for scene in _scenes(sources, asked.data, asked.random, asked.seed, notes):
+        for count in asked.bounces:
+            settings = BakeSettings(order=asked.order, bounces=count, seed=asked.seed)
+            for row in _scene_rows(scene, settings, list(asked.tolerances), asked.truth_rays, kept, asked.say):
                 rows.append(row)
-                say(
+                asked.say(
                     f"{row['scene']}, {count} bounces, {row['tolerance']:g}: {row['rays']} rays leave "
                     f"{row['error']:.2g}, cost {row['cost']:.2f}"
                 )
@@ -86,14 +72,7 @@ def tolerance_study(
     chart = output / "tolerance.png"
     tolerance_chart(chart, rows)
     return {
-        "settings": {
-            "tolerances": list(tolerances),
-            "bounces": list(bounces),
-            "order": order,
-            "seed": seed,
-            "finer": _FINER,
-            "truth_rays": truth_rays,
-        },
+        "settings": asked.settings("data", "random") | {"finer": _FINER},
         "notes": notes,
         "rows": rows,
         "summary": summary(rows),

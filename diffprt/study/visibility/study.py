@@ -19,6 +19,8 @@ from diffprt import sh
 from diffprt.errors import InputError
 from diffprt.kernels import TriangleMesh, default_threads, run_chunks
 from diffprt.kernels.hemispheres import HemisphereTracer, count_blocked
+from diffprt.options import takes
+from diffprt.options.study import VisibilityOptions
 from diffprt.scene import Scene, load_scene
 from diffprt.study.timing import Stopwatch, paired_ratio, spread
 from diffprt.study.visibility.hemispheres import Hemispheres
@@ -37,19 +39,8 @@ _PILOT_RAYS = 1 << 22
 _MOST_RAYS = 1 << 26
 
 
-def visibility_study(
-    sources: list[str | Path | Scene],
-    output: str | Path,
-    *,
-    rays: list[int] | tuple[int, ...] = (256, 2048),
-    runs: int = 5,
-    seconds: float = 1.0,
-    large: int = 1_500_000,
-    test_rays: int = 1_000_000,
-    brute_tests: float = 1e10,
-    seed: int = 0,
-    say: Say = lambda text: None,
-) -> dict:
+@takes(VisibilityOptions)
+def visibility_study(sources: list[str | Path | Scene], output: str | Path, asked: VisibilityOptions) -> dict:
     """Measures visibility against Embree and Mitsuba.
 
     Args:
@@ -57,32 +48,26 @@ def visibility_study(
         output: folder for the chart.
         rays: rays per receiver, one row of the table each.
         runs: rounds, of which medians and quartiles are reported.
-        seconds: about the least length of one timing.
-        large: triangles of the subdivided mesh whose structure is built; 0 builds none.
         test_rays: rays of the escape test and of the comparison with brute force.
         brute_tests: most triangle tests of brute force per scene, which may lower its number of rays.
-        say: is told what goes on.
 
     Returns:
         Plain numbers: `settings`, `versions`, `notes`, `rows` (rates), `structure`, `escapes`, `brute_force`,
         `files`.
         What a missing peer would have filled is None, and its `skipped` says why.
     """
-    if runs < 1 or not rays or min(rays) < 1 or not seconds > 0:
-        raise InputError(f"runs is {runs}, rays {list(rays)} and seconds {seconds}: give 1 or more, and above 0")
+    if asked.runs < 1 or not asked.rays or min(asked.rays) < 1 or not asked.seconds > 0:
+        raise InputError(
+            f"runs is {asked.runs}, rays {list(asked.rays)} and seconds {asked.seconds}: give 1 or more, and above 0"
+        )
     output = Path(output)
     output.mkdir(parents=True, exist_ok=True)
     scenes = [load_scene(source) for source in sources]
     report: dict = {
         "settings": {
+            **asked.settings("large"),
             "scenes": [scene.name for scene in scenes],
-            "rays": list(rays),
-            "runs": runs,
-            "seconds": seconds,
             "sh_order": _ORDER,
-            "test_rays": test_rays,
-            "brute_tests": brute_tests,
-            "seed": seed,
             "directions": "cosine-distributed over the hemisphere of each receiver, in packet order",
         },
         "versions": {"processor": _processor()},
@@ -101,19 +86,21 @@ def visibility_study(
                 report["versions"] |= peers[name].version()
             except InputError as error:
                 peers[name] = str(error)
-                say(f"{name} is left out: {error}")
-        for count in rays:
-            say(f"{scene.name}, {count} rays per receiver")
-            row = rate_row(surfaces, mesh, peers, count, runs=runs, seconds=seconds, seed=seed, say=say)
+                asked.say(f"{name} is left out: {error}")
+        for count in asked.rays:
+            asked.say(f"{scene.name}, {count} rays per receiver")
+            row = rate_row(
+                surfaces, mesh, peers, count, runs=asked.runs, seconds=asked.seconds, seed=asked.seed, say=asked.say
+            )
             report["rows"].append({"scene": scene.name, **row})
-        say(f"{scene.name}: rays that may escape, and brute force")
-        report["escapes"].append({"scene": scene.name, **_escapes(scene, mesh, test_rays, seed)})
-        limit = max(1, min(test_rays, int(brute_tests / len(mesh.faces))))
-        found = brute_force_agreement(mesh, limit, seed=seed)
+        asked.say(f"{scene.name}: rays that may escape, and brute force")
+        report["escapes"].append({"scene": scene.name, **_escapes(scene, mesh, asked.test_rays, asked.seed)})
+        limit = max(1, min(asked.test_rays, int(asked.brute_tests / len(mesh.faces))))
+        found = brute_force_agreement(mesh, limit, seed=asked.seed)
         report["brute_force"].append({"scene": scene.name, "triangles": len(mesh.faces), **found})
-    if large > 0:
-        say(f"structure over about {large} triangles")
-        report["structure"].append(structure_row(scenes, large, runs=runs))
+    if asked.large > 0:
+        asked.say(f"structure over about {asked.large} triangles")
+        report["structure"].append(structure_row(scenes, asked.large, runs=asked.runs))
     report["notes"] = _notes(report["rows"])
     chart = output / "visibility.png"
     rate_chart(chart, report["rows"], title=_title(report))
