@@ -7,10 +7,10 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import torch
-from scipy import sparse
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ class StoredOperator(BounceOperator):
             )
 
     @staticmethod
-    def of(matrix: sparse.csr_array | sparse.csr_matrix) -> StoredOperator:
+    def of(matrix: Any) -> StoredOperator:
         """SciPy's sparse matrix, in its own dtype."""
         matrix.sort_indices()
         counts, columns = (part.astype(np.int32) for part in (np.diff(matrix.indptr), matrix.indices))

@@ -18,7 +18,7 @@ from diffprt.shading import shade
 from diffprt.surface import Receivers, Surfaces
 from diffprt.surface.sampling import Pattern, hemisphere_directions
 from diffprt.transfer import bake
-from diffprt.transfer.baking.glossy import bake_glossy
+from diffprt.transfer.baking.bake import bake_glossy
 from diffprt.transfer.glossy.materials import GlossyMaterials
 from diffprt.transfer.glossy.reference import radiance_by_rays, shadow_matrix_by_rays, visible
 from diffprt.transfer.glossy.shadow_matrix import shadow_matrices
