@@ -32,19 +32,9 @@ def test_any_thread_count_gives_the_same_bytes(bumpy, tmp_path):
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
 def test_killed_bake_resumes_to_the_same_bytes(tmp_path, how):
     """Hard case 30: killed at some moment; what was in flight is recomputed, and counted."""
-    command = [
-        sys.executable,
-        "-m",
-        "diffprt",
-        "bake",
-        "builtin:bunny",
-        "--order",
-        "3",
-        "--rays",
-        "256",
-        "--bounces",
-        "1",
-    ]
+    # One thread and many chunks: what is left when four are done takes far longer than a signal.
+    options = ["--order", "3", "--rays", "512", "--bounces", "1", "--threads", "1"]
+    command = [sys.executable, "-m", "diffprt", "bake", "builtin:bunny", *options]
     target = tmp_path / "killed.prt"
     parts = tmp_path / "killed.prt.parts"
     process = subprocess.Popen([*command, "-o", str(target)], stderr=subprocess.PIPE, text=True)
@@ -69,7 +59,7 @@ def test_killed_bake_resumes_to_the_same_bytes(tmp_path, how):
     assert counts["recomputed_in_flight"] <= os.cpu_count()
     assert f"resumed: {done} of {counts['chunks']} chunks" in run.stdout
     assert not parts.exists()
-    whole = bake(builtin_scene("bunny"), order=3, rays=256, bounces=1)
+    whole = bake(builtin_scene("bunny"), order=3, rays=512, bounces=1)
     asset.save(whole, tmp_path / "whole.prt")
     assert target.read_bytes() == (tmp_path / "whole.prt").read_bytes()
 
