@@ -25,13 +25,13 @@ def run(
     *,
     options: CompressOptions,
 ) -> None:
-    from diffprt.compression import ClusteredSignal, compress, light_prior
+    from diffprt.compression import compress, light_prior
     from diffprt.representation import files as assets
     from diffprt.scene import Environment
 
     check_ending(output, ".prt")
     transfer = assets.load(source)
-    if isinstance(transfer, ClusteredSignal):
+    if transfer.compressed:
         raise InputError(f"asset {source} is already compressed: give the one that 'diffprt bake' made")
     check_output(output)
     lights = [Environment.load(path).project(transfer.order).coefficients for path in prior or []]
