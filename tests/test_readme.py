@@ -11,12 +11,15 @@ from pathlib import Path
 import pytest
 import typer.testing
 
+import diffprt
+from diffprt.brdf import BRDFS
 from diffprt.cli import app
 from diffprt.compression import compress
 from diffprt.images import read_image
 from diffprt.planning import Plan, plan
 from diffprt.representation.files import load
-from diffprt.scene import POLICY, builtin_scene
+from diffprt.scene import POLICY, Scene, builtin_scene
+from diffprt.scene.loading import READERS
 from diffprt.transfer import bake
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -81,6 +84,24 @@ def test_table_lists_every_command():
     listed = help_of().partition("Commands")[2]
     existing = set(re.findall(r"^[\s│|]*([a-z]+) {2,}", listed, re.MULTILINE))
     assert existing and named == existing
+
+
+def test_every_brdf_and_scene_format_is_named():
+    """Where they are listed by hand: commands' help, README, and what loads scenes."""
+    brdfs, formats = set(BRDFS), {reader.partition(":")[0] for reader in READERS.values()}
+    assert len(brdfs) >= 5 and len(formats) >= 5
+    assert brdfs <= set(re.findall(r"[\w-]+", re.sub(r"-[\s│|]+", "-", help_of("bake"))))
+    assert brdfs <= set(re.findall(r"`([\w-]+)`", readme()))
+    for command in ("bake", "plan"):
+        assert formats <= {READERS[ending].partition(":")[0] for ending in endings_of(help_of(command))}
+    told = readme().partition("- scenes from")[2].partition(" files")[0]
+    assert formats <= set(re.findall(r"\w+", told.lower()))
+    for docs in (Scene.load.__doc__, diffprt.scene.__doc__):
+        assert endings_of(docs) == set(READERS)
+
+
+def endings_of(text: str) -> set[str]:
+    return set(re.findall(r"\.\w+", text)) & set(READERS)
 
 
 def test_quick_start_runs_as_written(tmp_path):

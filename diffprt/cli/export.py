@@ -35,6 +35,7 @@ def run(
 ) -> None:
     from diffprt.cli.scenes import load_light
     from diffprt.exporters import export, export_glb, write_shaders, write_three
+    from diffprt.exporters.gltf.three_module import three_kinds
     from diffprt.exporters.web.lights import balanced_light
     from diffprt.representation import files as assets
 
@@ -64,8 +65,10 @@ def run(
         print(f"left out: {what}")
     if glb:
         report["glb"] = export_glb(asset, output / "scene.glb", lights=lights, name=title or source.stem)
-        print(f"{report['glb']['path']}: {size_text(report['glb']['bytes'])}; example.html shows it with three.js")
-        report["three"] = [str(path) for path in write_three(output)]
+        drawn = report["glb"]["kind"] in three_kinds()
+        told = "example.html shows it with three.js" if drawn else "no three.js module draws it yet"
+        print(f"{report['glb']['path']}: {size_text(report['glb']['bytes'])}; {told}")
+        report["three"] = [str(path) for path in write_three(output)] if drawn else []
     if shaders:
         sizes = {} if registers is None else {"REGISTERS": registers}
         report["shaders"] = [str(path) for path in write_shaders(output / "shaders", report["programs"], sizes=sizes)]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 import time
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -118,7 +117,7 @@ def joint(
 
 def with_albedo(asset, albedo: torch.Tensor):
     """The asset with another albedo; its transfer stays as it is."""
-    return replace(asset, receivers=asset.receivers.with_albedo(albedo))
+    return asset.with_elements(asset.elements.with_albedo(albedo))
 
 
 def write_map(path: Path, light: Light) -> None:

@@ -33,13 +33,19 @@ def load_scene(
     return scene.with_ground() if ground else scene
 
 
-def load_light(source: str, order: int, *, window: str = "none", azimuth: float = 0.0) -> Light:
+def load_light(source: str, order: int | None, *, window: str = "none", azimuth: float = 0.0) -> Light:
     """The light of a built-in environment or of a map, projected at `order` and turned about +y.
 
     Args:
         source: "sky", "studio", ..., or the path of an equirectangular .hdr or .exr map.
+        order: of the asset that it is for; None where that answers to no distant light.
         azimuth: degrees.
+
+    Raises:
+        InputError: there is no such light, or the asset answers to none.
     """
+    if order is None:
+        raise InputError("the asset answers to no distant light: light it in Python, with the lights that it names")
     source = source.removeprefix("builtin:")
     environment = builtin_environment(source) if source in BUILTIN_ENVIRONMENTS else Environment.load(Path(source))
     light = environment.project(order, window=window)

@@ -82,10 +82,10 @@ def recover_albedo(
             range.
     """
     check_albedo_options(asset, groups, variation, noise)
-    observations = observe(asset.receivers, references, lit=True, threads=threads)
+    observations = observe(asset.elements, references, lit=True, threads=threads)
     lights = [o.light for o in observations if o.light is not None]
     follows = isinstance(asset, Transport)
-    albedo, level = asset.receivers.albedo.detach(), FIRST_NOISE if noise is None else noise
+    albedo, level = asset.elements.albedo.detach(), FIRST_NOISE if noise is None else noise
     for turn in range(1, (_TURNS if follows else 2) + 1):
         transfer = asset.transfer(albedo=albedo) if follows else asset
         turns = turn if follows else 0
@@ -112,7 +112,7 @@ def albedo_from(
 ) -> AlbedoEstimate:
     """`recover_albedo` for fixed transfer, from what `observe` made and the light of each."""
     power = sum(o.power for o in observations)
-    fit = SurfaceFit.of(transfer.receivers, observations, groups=groups, variation=variation, noise=noise)
+    fit = SurfaceFit.of(transfer.elements, observations, groups=groups, variation=variation, noise=noise)
     columns, told, residual = [], [], 0.0
     for channel in range(3):
         sent = [_unit_radiance(transfer, o, light, channel) for o, light in zip(observations, lights, strict=True)]
@@ -146,7 +146,7 @@ def check_albedo_options(asset, groups: torch.Tensor | None, variation: float, n
     for name, value in (("variation", variation), ("noise", noise)):
         if value is not None and not value > 0:
             raise InputError(f"{name} is {value}: give a positive share, such as 0.01")
-    if groups is not None and tuple(groups.shape) != (len(asset.receivers),):
+    if groups is not None and tuple(groups.shape) != (len(asset.elements),):
         raise InputError(
-            f"groups have shape {list(groups.shape)}: give one number per receiver, [{len(asset.receivers)}]"
+            f"groups have shape {list(groups.shape)}: give one number per receiver, [{len(asset.elements)}]"
         )

@@ -18,7 +18,7 @@ import torch
 from diffprt.errors import InputError
 from diffprt.inverse.albedo import FIRST_NOISE, LEAST_NOISE, AlbedoEstimate, albedo_from, check_albedo_options
 from diffprt.inverse.factor import factored_lights
-from diffprt.inverse.light import LightEstimate, light_from
+from diffprt.inverse.light import LightEstimate, distant_order, light_from
 from diffprt.inverse.observations import Observation, Picture, observe
 from diffprt.inverse.surface_fit import SurfaceFit
 from diffprt.transfer import Transfer, Transport
@@ -86,7 +86,7 @@ def recover_light_and_albedo(
         InputError: as `recover_albedo`; one light without groups; pictures that do not tell light from albedo.
     """
     check_albedo_options(asset, groups, variation, noise)
-    observations = observe(asset.receivers, references, threads=threads)
+    observations = observe(asset.elements, references, threads=threads)
     lit_by = [0] * len(observations) if lit_by is None else list(lit_by)
     if len(lit_by) != len(observations):
         raise InputError(f"lit_by has {len(lit_by)} entries for {len(observations)} pictures: give one for each")
@@ -99,10 +99,11 @@ def recover_light_and_albedo(
     anchor = torch.as_tensor(mean_albedo, dtype=torch.float32).expand(3)
     if not bool(((anchor > 0) & (anchor <= 1)).all()):
         raise InputError(f"mean_albedo is {anchor.tolist()}: give values above 0, at most 1")
-    count = len(asset.receivers)
+    count = len(asset.elements)
     sets = [[o for o, name in zip(observations, lit_by, strict=True) if name == wanted] for wanted in names]
     transfer = _transfer(asset, anchor.expand(count, 3))
-    order = transfer.order if order is None else order
+    known_order = distant_order(transfer)
+    order = known_order if order is None else order
     known = groups if groups is not None else torch.arange(count)
     sent = [_sent(transfer, own, noise or FIRST_NOISE) for own in sets]
     rows = patch if patch is not None else (torch.stack([told for _, told in sent]).sum(0) > 0).nonzero()[:, 0]
@@ -133,11 +134,11 @@ def _transfer(asset: Transfer | Transport, albedo: torch.Tensor) -> Transfer:
 def _sent(transfer: Transfer, observations: list[Observation], noise: float) -> tuple[torch.Tensor, torch.Tensor]:
     """What every receiver sends under one light, float64 [V, 3], and how much pixels tell of it, [V]."""
     scale = max(float(o.radiance.mean()) for o in observations)
-    fit = SurfaceFit.of(transfer.receivers, observations, variation=_UNLIKE * scale, noise=noise)
+    fit = SurfaceFit.of(transfer.elements, observations, variation=_UNLIKE * scale, noise=noise)
     ones = [np.ones(len(o.frozen.seen)) for o in observations]
     found = [fit.solve(ones, [o.radiance[:, c].numpy() for o in observations]) for c in range(3)]
     told = sum(
-        np.bincount(s, w.sum(axis=0), len(transfer.receivers)) for s, w in zip(fit.seen, fit.contributions, strict=True)
+        np.bincount(s, w.sum(axis=0), len(transfer.elements)) for s, w in zip(fit.seen, fit.contributions, strict=True)
     )
     return torch.from_numpy(np.stack([values for values, _, _ in found], axis=1)), torch.from_numpy(told)
 

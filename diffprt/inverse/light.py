@@ -93,15 +93,19 @@ def recover_light(
     Raises:
         InputError: no usable picture (see `observe`), or an order that the asset does not have.
     """
-    if asset.order is None:
-        raise InputError("the asset holds its light inside, so pictures tell nothing of one: give transfer")
-    order = asset.order if order is None else order
-    if not 1 <= order <= asset.order:
-        raise InputError(
-            f"order is {order}: the asset tells 1 to {asset.order} bands, bake with order={order} for more"
-        )
+    known = distant_order(asset)
+    order = known if order is None else order
+    if not 1 <= order <= known:
+        raise InputError(f"order is {order}: the asset tells 1 to {known} bands, bake with order={order} for more")
     observations = observe(asset.elements, references, threads=threads)
     return light_from(asset, observations, order=order, prior=prior, noise=noise)
+
+
+def distant_order(asset: Representation) -> int:
+    """The bands of distant light that the asset takes; raises InputError where it takes none."""
+    if asset.order is None:
+        raise InputError("the asset holds its light inside, so pictures tell nothing of one: give transfer")
+    return asset.order
 
 
 def light_from(

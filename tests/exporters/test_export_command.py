@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import pytest
+from face_colors import FaceColors, pack_face_colors
+from representations import face_colors
 
 from diffprt.cli import main
 from diffprt.compression import compress
+from diffprt.exporters import pack
 from diffprt.representation.files import save
 
 
@@ -32,6 +36,18 @@ def test_files_for_engines(bumpy_transfer, tmp_path, capsys) -> None:
     assert written["settings"]["registers"] == 18
     assert written["outputs"]["glb"]["bytes"] == (folder / "scene.glb").stat().st_size
     assert "example.html shows it with three.js" in capsys.readouterr().out
+
+
+def test_three_is_not_promised_to_a_kind_that_it_does_not_draw(tmp_path, capsys) -> None:
+    save(face_colors(), tmp_path / "faces.prt")
+    with_equation = replace(pack_face_colors(face_colors()), equation="radiance = color light")
+    pack.register(FaceColors, lambda asset: with_equation)
+    try:
+        assert run("export", tmp_path / "faces.prt", "-o", tmp_path, "--glb", "--light", "constant") == 0
+    finally:
+        pack.register(FaceColors, pack_face_colors)
+    assert "no three.js module draws it yet" in capsys.readouterr().out
+    assert (tmp_path / "scene.glb").is_file() and not (tmp_path / "example.html").exists()
 
 
 def test_versions_to_compare_with(bumpy_transfer, tmp_path, capsys) -> None:

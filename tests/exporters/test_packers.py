@@ -12,6 +12,7 @@ import torch
 from diffprt import sh
 from diffprt.errors import InputError
 from diffprt.exporters import Packed, export, export_glb, pack
+from diffprt.exporters.gltf.three_module import three_kinds
 from diffprt.exporters.packers.packed import floats, surface_arrays
 from diffprt.exporters.web.template import page_classes
 from diffprt.rendering import render
@@ -99,6 +100,7 @@ def test_a_new_kind_is_drawn_as_it_is_rendered(open_sky, registered, synthetic, 
 def test_a_new_kind_goes_into_gltf_with_its_equation(open_sky, registered, tmp_path) -> None:
     export_glb(open_sky, tmp_path / "a.glb")
     content = (tmp_path / "a.glb").read_bytes()
+    assert "open_sky" not in three_kinds()
     assert b'"kind":"open_sky"' in content and b"sum_k transfer[vertex, k] light[k]" in content
 
 

@@ -3,18 +3,23 @@
 import json
 import subprocess
 import sys
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
+from typing import ClassVar
 
 import pytest
 import torch
 from face_colors import FaceColors, Faces
+from representations import irradiance_vectors, transfer
 
 from diffprt import Camera, Light, compress, export, load, make_references, optimize, render, save, shade
 from diffprt.cli import main
+from diffprt.cli.invert import with_albedo
 from diffprt.errors import InputError
+from diffprt.inverse import recover_albedo, recover_light_and_albedo
 from diffprt.rendering import FrozenView, picture
-from diffprt.representation import Lighting, Provenance
+from diffprt.representation import ConstantBasis, Lighting, Lit, Provenance, Representation, TensorSpec
 from diffprt.scene import builtin_scene
+from diffprt.surface import Receivers
 
 
 @pytest.fixture(scope="module")
@@ -22,6 +27,30 @@ def asset() -> FaceColors:
     ball = builtin_scene("sphere", subdivisions=2).meshes[0]
     colors = torch.rand(len(ball.faces), 3, generator=torch.Generator().manual_seed(0)) + 0.1
     return FaceColors(colors, Faces(ball.positions[ball.faces]), Provenance({"made": "by hand"}, scene_hash="7" * 64))
+
+
+@dataclass(frozen=True)
+class Shares(Representation):
+    """On receivers, with an albedo beside its signal: what each sees of an even sky."""
+
+    name, description, elements_type = "shares", "share of the sky that is seen", Receivers
+    spec: ClassVar = {"shares": TensorSpec(("V",), per_element=True, trainable=True)}
+    order = 1
+    shares: torch.Tensor
+    elements: Receivers
+    provenance: Provenance = field(default_factory=Provenance, compare=False)
+
+    def check_albedo(self):
+        pass
+
+    def lit(self, lighting, *, albedo=None):
+        light = Lighting.of(lighting).coefficients(1, "Shares").to(self.shares)
+        albedo = self.elements.albedo if albedo is None else albedo
+        return Lit((self.shares[:, None] * light * 0.28209479 * albedo)[..., None], ConstantBasis())
+
+
+def ambient_shares() -> Shares:
+    return Shares(transfer().openness, transfer().receivers)
 
 
 LIGHT = Light(torch.tensor([[3.0, 2.0, 1.0]]))
@@ -111,3 +140,35 @@ def test_what_it_cannot_do_is_one_line(asset):
         with pytest.raises(InputError, match=message) as caught:
             attempt()
         assert "\n" not in str(caught.value)
+
+
+def test_commands_say_that_a_kind_answers_to_no_distant_light(tmp_path, capsys):
+    save(irradiance_vectors(), tmp_path / "v.prt")
+    for command in (["render"], ["render", "--reference-set", "2"], ["export"]):
+        with pytest.raises(SystemExit) as ended:
+            main([*command, str(tmp_path / "v.prt"), "-o", str(tmp_path / ("p" if len(command) > 1 else "p.png"))])
+        said = capsys.readouterr().err
+        assert ended.value.code == 2 and "answers to no distant light" in said and said.count("\n") == 1
+
+
+def test_albedo_is_recovered_of_a_kind_that_takes_one():
+    made = ambient_shares()
+    painted = made.elements.positions.sin().abs() * 0.5 + 0.2
+    truth = made.with_elements(made.elements.with_albedo(painted))
+    lights = [Light(torch.tensor([values])) for values in ([3.0, 2.0, 1.0], [1.0, 2.0, 3.0])]
+    references = make_references(truth, lights, 8, width=48, height=48, turn=False)
+    found = recover_albedo(made, references, noise=1e-3)
+    told = found.told.amin(1) > 0.5
+    assert float(told.float().mean()) > 0.5
+    assert float((found.albedo - painted)[told].norm() / painted[told].norm()) < 0.02
+    back = with_albedo(made, found.albedo)
+    assert torch.equal(back.elements.albedo, found.albedo) and torch.equal(back.shares, made.shares)
+    inside, pictures = irradiance_vectors(), [(entry.image, entry.camera) for entry in references]
+    with pytest.raises(InputError, match="the asset holds its light inside"):
+        recover_light_and_albedo(inside, pictures, groups=torch.zeros(len(inside.elements), dtype=torch.int64))
+
+
+def test_references_are_of_distant_light(asset):
+    references = make_references(asset, [LIGHT], 2, width=16, height=16)
+    with pytest.raises(InputError, match="a IrradianceVectors answers to no distant light"):
+        optimize(irradiance_vectors(), references, steps=1)

@@ -10,6 +10,7 @@ from PIL import Image
 
 from diffprt.errors import InputError
 from diffprt.scene import Scene
+from diffprt.scene.loading import READERS
 
 RNG = np.random.default_rng(3)
 QUADRANT = np.array([[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [255, 255, 255]]], dtype=np.uint8)
@@ -313,7 +314,7 @@ def test_usd_materials_colours_and_usdz(tmp_path):
         assert torch.allclose(bare, torch.full((4, 3), 0.8))
 
 
-@pytest.mark.parametrize("ending", [".glb", ".gltf", ".obj", ".ply", ".stl", ".usd", ".usda", ".usdc", ".usdz"])
+@pytest.mark.parametrize("ending", READERS)
 @pytest.mark.parametrize("content", [b"", b"hello, this is no mesh\n", b"\x00\xff\x13binary" * 50])
 def test_files_that_are_no_mesh_give_one_line(tmp_path, ending, content):
     path = tmp_path / f"bad{ending}"

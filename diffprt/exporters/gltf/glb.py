@@ -40,7 +40,7 @@ def export_glb(
         name: of the mesh.
 
     Returns:
-        {"path": str, "bytes": int}.
+        {"path": str, "bytes": int, "kind": str}; `kind` is what the file calls the asset's form.
 
     Raises:
         InputError: the asset has no faces, no shader or no equation, or the file cannot be written.
@@ -53,7 +53,7 @@ def export_glb(
     content = _glb(packed, lights or {}, name)
     make_folder(Path(path).parent)
     write_whole(Path(path), content, "file")
-    return {"path": str(path), "bytes": len(content)}
+    return {"path": str(path), "bytes": len(content), "kind": packed.kind}
 
 
 class _Buffer:

@@ -29,6 +29,14 @@ def three_module() -> str:
     return f"{own}\n{dots}\nconst SHADERS = {{\n{literals},\n}};\n"
 
 
+def three_kinds() -> list[str]:
+    """What the module draws, by the `kind` of `Packed`, as `three/prt.js` lists them."""
+    module = (files("diffprt.exporters.gltf") / "three" / "prt.js").read_text(encoding="utf-8")
+    listed = re.search(r"^const KINDS = \{ (.*) \};$", module, flags=re.MULTILINE)
+    assert listed is not None
+    return [entry.partition(":")[0] for entry in listed[1].split(", ")]
+
+
 def _quoted(text: str) -> str:
     """Text between the backticks of JavaScript."""
     return text.replace("\\", "\\\\").replace("`", "\\`").replace("${", "\\${")

@@ -25,6 +25,8 @@ def check_references(asset, references: References) -> list[FrozenView]:
         InputError: references of another scene or light order, pixels that are not finite, black pictures, a camera
             that sees nothing of the asset, or an object of another outline.
     """
+    if asset.order is None:
+        asset.refuse("answers to no distant light, which references are made under", "optimize one that does")
     if references.order != asset.order:
         raise InputError(
             f"references have lights of order {references.order}, the asset has order {asset.order}: make references "

@@ -83,6 +83,11 @@ class Transport:
         signal, ended = converge(direct, self.operator, reflectance)
         return self.as_transfer(signal, ended.products, receivers, ended.as_certificate())
 
+    @property
+    def elements(self) -> Receivers:
+        """The receivers, as every asset calls what carries its signal."""
+        return self.receivers
+
     def check_albedo(self) -> None:
         """Nothing to refuse: the albedo is left out, as of `Transfer`."""
 
