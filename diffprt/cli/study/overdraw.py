@@ -26,11 +26,7 @@ def run(
     from diffprt.study.overdraw.study import overdraw_study
 
     check_output(output, directory=True)
-    report = overdraw_study(
-        source or ["builtin:bunny"],
-        output,
-        **vars(options) | {"say": say},
-    )
+    report = overdraw_study(source or ["builtin:bunny"], output, **vars(options) | {"say": say})
     write_report(json_file, "study overdraw", report)
     print_overdraw(report)
 

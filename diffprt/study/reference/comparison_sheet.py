@@ -43,9 +43,7 @@ def comparison_sheet(
     height, width = mask.shape
     side = 3.6
     figure = Figure(
-        figsize=(4 * side + 2.0, side * height / width + 0.8),
-        dpi=max(width / side, 100.0),
-        layout="constrained",
+        figsize=(4 * side + 2.0, side * height / width + 0.8), dpi=max(width / side, 100.0), layout="constrained"
     )
     FigureCanvasAgg(figure)
     figure.suptitle(title, fontsize=11)
@@ -67,11 +65,7 @@ def _difference(figure: Figure, axis, signed: torch.Tensor, mask: torch.Tensor, 
     """Shows `signed` [H, W] inside the mask; colors saturate at its 99th percentile."""
     limit = max(float(signed[mask].abs().quantile(0.99)), 1e-6)
     shown = axis.imshow(
-        torch.where(mask, signed, torch.nan).numpy(),
-        cmap="RdBu_r",
-        vmin=-limit,
-        vmax=limit,
-        interpolation="nearest",
+        torch.where(mask, signed, torch.nan).numpy(), cmap="RdBu_r", vmin=-limit, vmax=limit, interpolation="nearest"
     )
     axis.set_facecolor("0.75")
     axis.set_title(name, fontsize=11)

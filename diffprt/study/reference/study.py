@@ -171,10 +171,7 @@ def receiver_pixels(scene: Scene, camera: Camera) -> torch.Tensor:
     """Pixels [H, W] all of whose samples see a surface that is shown, not an occluder-only mesh before it."""
     surfaces = Surfaces.of(scene)
     everything = Receivers(
-        surfaces.positions,
-        torch.zeros_like(surfaces.positions),
-        torch.zeros_like(surfaces.positions),
-        surfaces.faces,
+        surfaces.positions, torch.zeros_like(surfaces.positions), torch.zeros_like(surfaces.positions), surfaces.faces
     )
     fine = Camera(camera.eye, camera.target, camera.up, camera.fov, camera.width * _SAMPLES, camera.height * _SAMPLES)
     view = everything.view(fine)

@@ -149,13 +149,7 @@ def _scene_rows(
         yield kept.rows[keys[tolerance]]
 
 
-def _row(
-    scene: Scene,
-    settings: BakeSettings,
-    tolerance: float,
-    rate: SamplingRate,
-    truth: Truth,
-) -> dict:
+def _row(scene: Scene, settings: BakeSettings, tolerance: float, rate: SamplingRate, truth: Truth) -> dict:
     """One bake as a user has it, with the rays that the tolerance chose."""
     result = bake(
         scene,
