@@ -105,13 +105,8 @@ def run_demo(
         pictures, balanced = _pictures(columns, lights, camera)
         contact_sheet(result.sheet, pictures, list(columns), list(lights))
     with stage("page"):
-        page = export(
-            compressed,
-            directory / "page",
-            lights=balanced,
-            camera=camera,
-            title=f"Bunny, {clusters} clusters x {components} components",
-        )
+        title = f"Bunny, {clusters} clusters x {components} components"
+        page = export(compressed, directory / "page", lights=balanced, camera=camera, title=title)
     last, before = pictures[-1][-1], pictures[-1][-2]
     result.counts = {
         **report["counts"],

@@ -3,7 +3,27 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from pathlib import Path
+
+import torch
+from safetensors.torch import save_file
+
+
+def save_tensors(path: Path, tensors: dict[str, torch.Tensor]) -> None:
+    """Keeps tensors that belong to rows; the file appears whole or not at all."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_suffix(".partial")
+    save_file({name: values.contiguous() for name, values in tensors.items()}, partial)
+    partial.replace(path)
+
+
+def grouped(rows: Iterable[dict], *names: str) -> dict[tuple, list[dict]]:
+    """Rows by what they have under `names`, groups in the order of their first rows."""
+    groups: dict[tuple, list[dict]] = {}
+    for row in rows:
+        groups.setdefault(tuple(row[name] for name in names), []).append(row)
+    return groups
 
 
 class Rows:

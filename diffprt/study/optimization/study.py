@@ -23,7 +23,7 @@ from diffprt.optimization.references.checks import check_references
 from diffprt.optimization.references.pictures import Pictures
 from diffprt.scene import BUILTIN_ENVIRONMENTS, Light, load_environment, load_scene
 from diffprt.study.optimization.sheet import optimization_sheet
-from diffprt.study.rows import Rows
+from diffprt.study.rows import Rows, grouped
 from diffprt.transfer import GlossyTransfer, Transfer, bake, bake_glossy
 
 LBG, LBG_SMALL = "LBG + PCA", "LBG + PCA, quantized"
@@ -239,11 +239,10 @@ def components_within(transfer, clusters: int, size: int, weights_format: str, b
 def summarize(rows: Sequence[dict]) -> list[dict]:
     """For every setting, by how much errors fall: against LBG + PCA, at the same bytes, against the closed form, and by
     gradients alone, against the fit that training starts from."""
-    groups: dict[tuple, dict[str, dict]] = {}
-    for row in rows:
-        groups.setdefault((row["scene"], row["brdf"], *row["setting"]), {})[row["method"]] = row
     found = []
-    for (scene, brdf, clusters, components), group in groups.items():
+    settings = [row | {"setting": tuple(row["setting"])} for row in rows]
+    for (scene, brdf, setting), own in grouped(settings, "scene", "brdf", "setting").items():
+        group = {row["method"]: row for row in own}
 
         def fall(after: str, before: str, group: dict = group) -> float:
             return 1 - group[after]["error"] / group[before]["error"]
@@ -252,7 +251,7 @@ def summarize(rows: Sequence[dict]) -> list[dict]:
             {
                 "scene": scene,
                 "brdf": brdf,
-                "setting": [clusters, components],
+                "setting": list(setting),
                 "same_format": fall(OURS, LBG),
                 "same_format_closed_form": fall(OURS, CLOSED),
                 "same_bytes": fall(OURS_SMALL, LBG_SMALL),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from itertools import cycle
 from pathlib import Path
 
 from matplotlib.axes import Axes
@@ -11,6 +12,7 @@ from matplotlib.figure import Figure
 
 from diffprt.study.overdraw.methods import ORIGINAL, PATCHES, PEER, is_ours
 from diffprt.study.overdraw.summary import overdraw_at
+from diffprt.study.rows import grouped
 
 # The thesis's methods in warm colors, ours in cold ones, peers in gray.
 _WARM = ("#b5531f", "#d98c3f", "#c03a5b", "#8a6d1c")
@@ -24,11 +26,8 @@ def overdraw_charts(folder: Path, rows: list[dict]) -> list[str]:
     Panels: numbers of clusters from left to right; clusters alone above, super-clusters at the least budget below,
     for the thesis's methods as figure 4.6 selects them, for ours the better selection.
     """
-    signals: dict[tuple, list[dict]] = {}
-    for row in rows:
-        signals.setdefault((row["scene"], row["brdf"], row["channels"]), []).append(row)
     written = []
-    for (scene, brdf, channels), own in sorted(signals.items()):
+    for (scene, brdf, channels), own in sorted(grouped(rows, "scene", "brdf", "channels").items()):
         path = folder / f"overdraw-{file_name(own[0])}.png"
         if _chart(path, own, f"{scene}, {brdf}" + (", RGB" if channels == 3 else "")):
             written.append(str(path))
@@ -91,9 +90,7 @@ def _styles(rows: list[dict]) -> dict[str, dict]:
     methods = sorted({row["method"] for row in rows})
     thesis = [m for m in methods if not is_ours(m) and m not in (PEER, PATCHES)]
     ours = [m for m in methods if is_ours(m)]
-    colors = {m: _WARM[i % len(_WARM)] for i, m in enumerate(thesis)} | {
-        m: _COLD[i % len(_COLD)] for i, m in enumerate(ours)
-    }
+    colors = dict(zip(thesis, cycle(_WARM), strict=False)) | dict(zip(ours, cycle(_COLD), strict=False))
     colors |= {m: gray for m, gray in ((PEER, "0.45"), (PATCHES, "0.65")) if m in methods}
     return {
         method: {"color": color, "marker": _MARKERS[i % len(_MARKERS)], "label": method}

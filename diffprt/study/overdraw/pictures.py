@@ -7,7 +7,7 @@ from pathlib import Path
 import torch
 from matplotlib import colormaps
 from matplotlib.colors import hsv_to_rgb
-from safetensors.torch import load_file, save_file
+from safetensors.torch import load_file
 
 from diffprt.compression import draws, super_clusters
 from diffprt.rendering.sheet import contact_sheet
@@ -22,14 +22,6 @@ _DRAWN_ONCE, _TWICE, _THRICE = (0.80, 0.80, 0.78), (0.93, 0.53, 0.18), (0.62, 0.
 _GOLDEN = 0.61803398875
 _AMBIENT = 0.45
 _SIDE = 420
-
-
-def save_maps(path: Path, maps: dict[str, torch.Tensor]) -> None:
-    """Keeps labels and squared errors of a row, for pictures; the file appears whole or not at all."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_suffix(".partial")
-    save_file({name: values.contiguous() for name, values in maps.items()}, partial)
-    partial.replace(path)
 
 
 def study_pictures(folder: Path, receivers: Receivers, rows: list[dict]) -> str | None:
@@ -81,7 +73,7 @@ def overdraw_pictures(
     Args:
         path: of the file.
         receivers: a mesh.
-        columns: by title, maps as `save_maps` takes them, and `passes` int [V], the super-cluster of each receiver.
+        columns: by title, maps as `overdraw_row` makes them, and `passes` int [V], the super-cluster of each receiver.
             Errors share one scale, which ends at the 99.5th percentile of the first column.
         super_clusters_of: what they are for, in words.
     """
@@ -98,12 +90,8 @@ def overdraw_pictures(
         [_drawn(view, shading, _draw_colors(view, maps["passes"])) for maps in columns.values()],
         [_drawn(view, None, _error_colors(view, maps["squared_error"], top)) for maps in columns.values()],
     ]
-    titles = [
-        "clusters",
-        "drawn 1, 2 or 3 times",
-        f"super-clusters of {super_clusters_of}",
-        f"squared error, 0 to {top:.2g}",
-    ]
+    passes, errors = f"super-clusters of {super_clusters_of}", f"squared error, 0 to {top:.2g}"
+    titles = ["clusters", "drawn 1, 2 or 3 times", passes, errors]
     contact_sheet(path, pictures, list(columns), titles)
 
 

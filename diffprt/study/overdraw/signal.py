@@ -9,12 +9,13 @@ from pathlib import Path
 
 import torch
 from safetensors import SafetensorError
-from safetensors.torch import load_file, save_file
+from safetensors.torch import load_file
 
 from diffprt import sh
-from diffprt.brdf import describe_brdf, parse_brdf
+from diffprt.brdf import parse_brdf
 from diffprt.errors import InputError
 from diffprt.scene import Scene
+from diffprt.study.rows import save_tensors
 from diffprt.surface import Receivers, Surfaces
 from diffprt.transfer import bake
 from diffprt.transfer.baking.bake import bake_glossy
@@ -64,10 +65,6 @@ class SignalSettings:
         """Of the file that holds the signal."""
         options = [scene.hash(), self.brdf, self.order, self.rays, self.bounces, self.channels, self.seed]
         return hashlib.sha256(json.dumps(options).encode()).hexdigest()[:16]
-
-    def described(self) -> dict:
-        """The BRDF as plain values."""
-        return {"name": self.brdf} if self.brdf in _OTHERS else describe_brdf(self._brdf())
 
     def bake(self, scene: Scene) -> torch.Tensor:
         """The signal [V, C, K_out, K], K_out = 1 for diffuse transfer."""
@@ -136,10 +133,7 @@ def load_signal(scene: Scene, settings: SignalSettings, folder: Path) -> Signal:
         values = load_file(path)["values"]
     except (OSError, SafetensorError, KeyError):  # none yet, or cut off by a kill
         values = settings.bake(scene).contiguous()
-        folder.mkdir(parents=True, exist_ok=True)
-        partial = path.with_suffix(".partial")
-        save_file({"values": values}, partial)
-        partial.replace(path)
+        save_tensors(path, {"values": values})
     if (values.shape[0], values.shape[3]) != shape:
         raise InputError(f"{path} holds a signal of shape {tuple(values.shape)}: remove the file")
     return Signal(scene.name, settings, values, receivers)

@@ -16,11 +16,11 @@ from diffprt.scene import BUILTIN_ENVIRONMENTS, Light, Scene, load_environment, 
 from diffprt.study.overdraw.chart import overdraw_charts
 from diffprt.study.overdraw.image import HeldOut
 from diffprt.study.overdraw.methods import DEFAULT, ORIGINAL, PEER, Method, has_peer
-from diffprt.study.overdraw.pictures import save_maps, study_pictures
+from diffprt.study.overdraw.pictures import study_pictures
 from diffprt.study.overdraw.row import overdraw_row
 from diffprt.study.overdraw.signal import Signal, SignalSettings, load_signal
 from diffprt.study.overdraw.summary import summary
-from diffprt.study.rows import Rows
+from diffprt.study.rows import Rows, save_tensors
 from diffprt.surface import Surfaces
 
 Say = Callable[[str], None]
@@ -97,15 +97,9 @@ def overdraw_study(sources: Iterable[str | Path | Scene], output: str | Path, as
             break
         signal, held_out = bench.of(cell)
         asked.say(f"{number + 1} of {len(waiting)}: {signal.name}, {cell.clusters} clusters, {cell.method}")
-        row, maps = overdraw_row(
-            signal,
-            held_out,
-            cell.method,
-            clusters=cell.clusters,
-            components=asked.components,
-            budgets=tuple(asked.budgets),
-        )
-        save_maps(output / "maps" / f"{key}.safetensors", maps)
+        sizes = {"clusters": cell.clusters, "components": asked.components, "budgets": tuple(asked.budgets)}
+        row, maps = overdraw_row(signal, held_out, cell.method, **sizes)
+        save_tensors(output / "maps" / f"{key}.safetensors", maps)
         kept.add(key, row | {"maps": key, "study": study})
     rows = [row for row in kept.rows.values() if row["study"] == study]
     charts = overdraw_charts(output, rows)

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from diffprt.study.overdraw.methods import ORIGINAL, PEER, THESIS, is_ours
 from diffprt.study.overdraw.trends import beside_thesis
+from diffprt.study.rows import grouped
 
+# What tells signals, clustered, apart.
+SIGNAL = ("scene", "brdf", "channels", "clusters", "components")
 _FAIR = 1.01
 _TARGET = {"clusters": 256, "registers": "256", "overdraw": 1.22}
 # Measured by prototypes on bunny_35k with 8 components (issue 4): squared error and overdraw over those of original
@@ -23,10 +26,7 @@ def summary(rows: list[dict]) -> dict:
     the worst of its starts has at most 1.01 times the energy of faiss. Overdraw is compared for clusters alone and at
     every budget; there the thesis's methods are grouped as figure 4.6 says, and ours by the better selection.
     """
-    groups: dict[tuple, list[dict]] = {}
-    for row in rows:
-        key = tuple(row[name] for name in ("scene", "brdf", "channels", "clusters", "components"))
-        groups.setdefault(key, []).append(row)
+    groups = grouped(rows, *SIGNAL)
     verdicts = [_verdict(group) for _, group in sorted(groups.items()) if any(r["method"] == ORIGINAL for r in group)]
     at = sorted({budget for verdict in verdicts for budget in verdict["best"]}, key=_by_budget)
     met = {}
@@ -51,7 +51,7 @@ def _verdict(group: list[dict]) -> dict:
     ours = [row for row in group if is_ours(row["method"])]
     budgets = ["clusters", *sorted(original["super_clusters"], key=int)]
     best = {budget: _best(budget, original, thesis, ours) for budget in budgets}
-    told = {name: original[name] for name in ("scene", "brdf", "channels", "clusters", "components")}
+    told = {name: original[name] for name in SIGNAL}
     target = None
     if told["clusters"] == _TARGET["clusters"] and told["channels"] == 1 and _TARGET["registers"] in best:
         reached = best[_TARGET["registers"]].get("overdraw")

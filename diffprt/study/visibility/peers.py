@@ -40,21 +40,19 @@ class Embree:
         InputError: embreex is not installed.
     """
 
-    name, cores = "embreex", 1
-
     def __init__(self, positions: torch.Tensor, faces: torch.Tensor) -> None:
         self.positions = positions.float().contiguous().numpy()
         self.faces = faces.to(torch.int32).contiguous().numpy()
         self._scene = self.attached()
         self.commit(self._scene)
 
-    def attached(self, *, robust: bool = False) -> object:
+    def attached(self) -> object:
         """A scene that holds the triangles, not yet built."""
         try:
             scenes, meshes = import_module("embreex.rtcore_scene"), import_module("embreex.mesh_construction")
         except ImportError as error:
             raise InputError('embreex is not installed: pip install "diffprt[study]"') from error
-        scene = scenes.EmbreeScene(robust=robust)
+        scene = scenes.EmbreeScene(robust=False)
         meshes.TriangleMesh(scene, self.positions, self.faces)
         return scene
 
@@ -108,15 +106,12 @@ class Mitsuba:
         InputError: Mitsuba or LLVM is missing.
     """
 
-    name = "mitsuba"
-
     def __init__(self, positions: torch.Tensor, faces: torch.Tensor) -> None:
         self._mi, note = start_mitsuba()
         if not self._mi.variant().startswith("llvm"):
             raise InputError(note or f"Mitsuba runs its variant {self._mi.variant()}: start with llvm_ad_rgb")
         self._dr = import_module("drjit")
-        self.cores = default_threads()
-        self._dr.set_thread_count(self.cores)
+        self._dr.set_thread_count(default_threads())
         mesh = self._mi.Mesh("mesh", len(positions), len(faces))
         values = self._mi.traverse(mesh)
         values["vertex_positions"] = positions.float().reshape(-1).numpy()
@@ -188,14 +183,8 @@ class Mitsuba:
         frames = tangent_frames(load.normals)
         columns = [self._vector(frames[:, :, k], "Vector3f") for k in range(3)]
         shift = self._mi.Float(load.pattern.ring_shift.numpy())
-        spiral = self._vector(load.pattern.spiral, "Vector3f")
-        return (
-            self._vector(load.origins, "Point3f"),
-            columns,
-            self._vector(load.pattern.rotation, "Vector2f"),
-            shift,
-            spiral,
-        )
+        origins, turns = self._vector(load.origins, "Point3f"), self._vector(load.pattern.rotation, "Vector2f")
+        return origins, columns, turns, shift, self._vector(load.pattern.spiral, "Vector3f")
 
     def _direction(self, rays: int, frame: list, turn: object, shift: object, entry: object) -> object:
         """The direction of `transfer.sampling.hemisphere_directions` for one row `entry` of the spiral."""
