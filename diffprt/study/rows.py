@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Iterable
 from pathlib import Path
 
 import torch
 from safetensors.torch import save_file
+
+
+def digest(options: list) -> str:
+    """What a row is known by, from all that it depends on as plain values."""
+    return hashlib.sha256(json.dumps(options).encode()).hexdigest()[:16]
 
 
 def save_tensors(path: Path, tensors: dict[str, torch.Tensor]) -> None:

@@ -8,8 +8,9 @@ components, which is made on the training pictures' expected error.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import torch
@@ -149,8 +150,10 @@ def _rows(
     loss = TransferLoss(transfer, ImageNorm.of(transfer.receivers, cameras), own.prior())
     assets = {}
 
-    def row(name: str, asset, seconds: float) -> dict:
-        assets[name] = asset
+    def row(name: str, make: Callable) -> dict:
+        begun = time.process_time()
+        asset = assets[name] = make()
+        seconds = time.process_time() - begun
         entry = {
             "scene": setting.scene,
             "brdf": setting.brdf,
@@ -173,32 +176,24 @@ def _rows(
         )
         return entry
 
+    def best(found: Iterable, within: Callable = lambda asset: True):
+        found = list(found)
+        return min(list(filter(within, found)) or found[:1], key=lambda asset: float(loss(asset)))
+
     fixed = {"clusters": clusters, "components": components}
-    begun = time.process_time()
-    lbg = compress(transfer, method="lbg", **fixed)
-    yield row(LBG, lbg, time.process_time() - begun)
+    yield row(LBG, lambda: compress(transfer, method="lbg", **fixed))
+    lbg = assets[LBG]
     size, limit = lbg.nbytes, lbg.overdraw()
-    begun = time.process_time()
-    yield row(LBG_SMALL, _quantized(transfer, clusters, size, ("lbg",), None, loss, None), time.process_time() - begun)
-    begun = time.process_time()
-    closed = [compress(transfer, method=method, prior=prior, **fixed) for method in _METHODS[:2]]
-    closed = [asset for asset in closed if asset.overdraw() <= limit] or closed[:1]
-    closed = min(closed, key=lambda asset: float(loss(asset)))
-    yield row(CLOSED, closed, time.process_time() - begun)
-    begun = time.process_time()
-    small = _quantized(transfer, clusters, size, _METHODS[:2], prior, loss, limit)
-    yield row(CLOSED_SMALL, small, time.process_time() - begun)
-    begun = time.process_time()
-    starts = [asset for asset in (closed, small, lbg) if asset.overdraw() <= limit]
-    fitted = [encoded(fit_to_bytes(start, loss, size), loss.metric) for start in starts]
-    yield row(FITTED_SMALL, min(fitted, key=lambda asset: float(loss(asset))), time.process_time() - begun)
-    options = {"target": transfer, "steps": steps}
-    begun = time.process_time()
-    yield row(OURS, optimize(closed, setting.trained, **options), time.process_time() - begun)
-    begun = time.process_time()
-    fitted = [optimize(start, setting.trained, bytes=size, **options) for start in starts]
-    best = min(fitted, key=lambda asset: float(loss(asset)))
-    last = row(OURS_SMALL, best, time.process_time() - begun)
+    yield row(LBG_SMALL, lambda: _quantized(transfer, clusters, size, ("lbg",), None, loss, None))
+    methods = _METHODS[:2]
+    forms = (compress(transfer, method=method, prior=prior, **fixed) for method in methods)
+    yield row(CLOSED, lambda: best(forms, lambda asset: asset.overdraw() <= limit))
+    yield row(CLOSED_SMALL, lambda: _quantized(transfer, clusters, size, methods, prior, loss, limit))
+    starts = [asset for asset in (assets[CLOSED], assets[CLOSED_SMALL], lbg) if asset.overdraw() <= limit]
+    yield row(FITTED_SMALL, lambda: best(encoded(fit_to_bytes(start, loss, size), loss.metric) for start in starts))
+    train = partial(optimize, references=setting.trained, target=transfer, steps=steps)
+    yield row(OURS, lambda: train(assets[CLOSED]))
+    last = row(OURS_SMALL, lambda: best(train(start, bytes=size) for start in starts))
     name = f"{setting.scene}_{setting.brdf.partition(':')[0]}_{clusters}x{components}.png"
     entry = setting.held.entries[0]
     optimization_sheet(output / name, assets, (LBG, OURS, LBG_SMALL, OURS_SMALL), entry, judge.views[0])
@@ -214,10 +209,8 @@ def _quantized(transfer, clusters: int, size: int, methods: Sequence[str], prior
             components = components_within(transfer, clusters, size, weights_format, bases_format)
             if components:
                 formats = {"weights_format": weights_format, "bases_format": bases_format}
-                asset = compress(
-                    transfer, clusters=clusters, components=components, method=method, prior=prior, **formats
-                )
-                found.append(asset)
+                options = {"clusters": clusters, "components": components, "method": method, "prior": prior}
+                found.append(compress(transfer, **options, **formats))
     within = [asset for asset in found if limit is None or asset.overdraw() <= limit]
     return min(within or found, key=lambda asset: float(loss(asset)))
 

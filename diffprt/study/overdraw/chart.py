@@ -7,7 +7,6 @@ from itertools import cycle
 from pathlib import Path
 
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from diffprt.study.overdraw.methods import ORIGINAL, PATCHES, PEER, is_ours
@@ -49,7 +48,6 @@ def _chart(path: Path, rows: list[dict], title: str) -> bool:
     panels = ["clusters", *sorted(budgets, key=int)[:1]]
     styles = _styles(rows)
     figure = Figure(figsize=(3.4 * len(counts) + 2.2, 3.2 * len(panels) + 0.6), dpi=110, layout="constrained")
-    FigureCanvasAgg(figure)
     axes = figure.subplots(len(panels), len(counts), squeeze=False)
     for line, budget in enumerate(panels):
         for column, count in enumerate(counts):

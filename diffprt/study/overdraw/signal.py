@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -15,7 +13,7 @@ from diffprt import sh
 from diffprt.brdf import parse_brdf
 from diffprt.errors import InputError
 from diffprt.scene import Scene
-from diffprt.study.rows import save_tensors
+from diffprt.study.rows import digest, save_tensors
 from diffprt.surface import Receivers, Surfaces
 from diffprt.transfer import bake
 from diffprt.transfer.baking.bake import bake_glossy
@@ -63,8 +61,7 @@ class SignalSettings:
 
     def key(self, scene: Scene) -> str:
         """Of the file that holds the signal."""
-        options = [scene.hash(), self.brdf, self.order, self.rays, self.bounces, self.channels, self.seed]
-        return hashlib.sha256(json.dumps(options).encode()).hexdigest()[:16]
+        return digest([scene.hash(), self.brdf, self.order, self.rays, self.bounces, self.channels, self.seed])
 
     def bake(self, scene: Scene) -> torch.Tensor:
         """The signal [V, C, K_out, K], K_out = 1 for diffuse transfer."""

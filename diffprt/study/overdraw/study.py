@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -20,7 +18,7 @@ from diffprt.study.overdraw.pictures import study_pictures
 from diffprt.study.overdraw.row import overdraw_row
 from diffprt.study.overdraw.signal import Signal, SignalSettings, load_signal
 from diffprt.study.overdraw.summary import summary
-from diffprt.study.rows import Rows, save_tensors
+from diffprt.study.rows import Rows, digest, save_tensors
 from diffprt.surface import Surfaces
 
 Say = Callable[[str], None]
@@ -85,9 +83,9 @@ def overdraw_study(sources: Iterable[str | Path | Scene], output: str | Path, as
             f"{list(asked.clusters)}: give at least one of each"
         )
     # Rows that may stand beside each other.
-    study = _digest([asked.components, list(asked.budgets), list(asked.lights), asked.order, asked.rays, asked.bounces])
+    study = digest([asked.components, list(asked.budgets), list(asked.lights), asked.order, asked.rays, asked.bounces])
     kept = Rows(output / "rows.jsonl")
-    keys = [_digest([study, cell.signal.key(cell.scene), *cell.method.as_list(), cell.clusters]) for cell in cells]
+    keys = [digest([study, cell.signal.key(cell.scene), *cell.method.as_list(), cell.clusters]) for cell in cells]
     waiting = [(key, cell) for key, cell in zip(keys, cells, strict=True) if key not in kept.rows]
     bench = _Bench(output / "signals", {Path(name).stem: _light(name, asked.order) for name in asked.lights})
     for number, (key, cell) in enumerate(waiting):
@@ -151,7 +149,3 @@ def _pictures(output: Path, kept: Rows, cells: list[_Cell], keys: list[str]) -> 
 
 def _light(name: str, order: int) -> Light:
     return load_environment(f"builtin:{name}" if name in BUILTIN_ENVIRONMENTS else name).project(order)
-
-
-def _digest(options: list) -> str:
-    return hashlib.sha256(json.dumps(options).encode()).hexdigest()[:16]

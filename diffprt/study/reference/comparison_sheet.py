@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import torch
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from diffprt.rendering import auto_exposure
@@ -45,7 +44,6 @@ def comparison_sheet(
     figure = Figure(
         figsize=(4 * side + 2.0, side * height / width + 0.8), dpi=max(width / side, 100.0), layout="constrained"
     )
-    FigureCanvasAgg(figure)
     figure.suptitle(title, fontsize=11)
     axes = figure.subplots(1, 4)
     for axis, image, name in zip(axes, (ours, reference), names, strict=False):

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 _COLORS = ("#1f66b5", "#b5531f", "#2f8f57", "#8452a5", "#a58a1f", "#555555")
@@ -20,7 +19,6 @@ def tolerance_chart(path: str | Path, rows: list[dict]) -> None:
         rows: `rows` of `tolerance_study`.
     """
     figure = Figure(figsize=(9.0, 5.6), dpi=110, layout="constrained")
-    FigureCanvasAgg(figure)
     axis = figure.subplots()
     cost = np.array([row["cost"] for row in rows])
     share = np.array([row["error"] / row["tolerance"] for row in rows])

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import functools
-import hashlib
-import json
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +14,7 @@ from diffprt.options import takes
 from diffprt.options.bake import BakeSettings
 from diffprt.options.study import ToleranceOptions
 from diffprt.scene import READERS, Scene, load_scene
-from diffprt.study.rows import Rows
+from diffprt.study.rows import Rows, digest
 from diffprt.study.tolerance.chart import tolerance_chart
 from diffprt.study.tolerance.scenes import random_scene
 from diffprt.study.tolerance.truth import Truth, fewest_rays
@@ -151,15 +149,8 @@ def _scene_rows(
 
 def _row(scene: Scene, settings: BakeSettings, tolerance: float, rate: SamplingRate, truth: Truth) -> dict:
     """One bake as a user has it, with the rays that the tolerance chose."""
-    result = bake(
-        scene,
-        order=settings.order,
-        bounces=settings.bounces,
-        seed=settings.seed,
-        rays=rate.rays,
-        sampling=rate,
-        fill_inside=False,
-    )
+    options = {"order": settings.order, "bounces": settings.bounces, "seed": settings.seed, "rays": rate.rays}
+    result = bake(scene, sampling=rate, fill_inside=False, **options)
     return {
         "scene": scene.name,
         "receivers": len(result.receivers),
@@ -178,4 +169,4 @@ def _row(scene: Scene, settings: BakeSettings, tolerance: float, rate: SamplingR
 def _key(scene: Scene, settings: BakeSettings, tolerance: float, truth_rays: int) -> str:
     """What a row depends on; rays are what the run finds."""
     options = settings.as_dict() | {"rays": None, "tolerance": tolerance, "truth_rays": truth_rays}
-    return hashlib.sha256(json.dumps([scene.name, scene.hash(), options]).encode()).hexdigest()[:16]
+    return digest([scene.name, scene.hash(), options])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 # Ours in one hue and each peer in its own; one core lighter than all.
@@ -23,7 +22,6 @@ def rate_chart(path: str | Path, rows: list[dict], *, title: str) -> None:
         rows: `rows` of `visibility_study`.
     """
     figure = Figure(figsize=(max(7.0, 1.6 * len(rows) + 2.0), 4.8), dpi=110, layout="constrained")
-    FigureCanvasAgg(figure)
     axis = figure.subplots()
     width = 0.8 / len(_CONTENDERS)
     highest = 0.0
