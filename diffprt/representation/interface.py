@@ -16,6 +16,7 @@ from diffprt.representation.metric import Metric
 from diffprt.representation.moving import moved
 from diffprt.representation.provenance import Provenance
 from diffprt.representation.spec import Spec
+from diffprt.representation.view import Samples
 
 
 class Representation(ABC):
@@ -65,6 +66,15 @@ class Representation(ABC):
         """
 
     # What follows, and may be refined.
+
+    def radiance(
+        self, lighting: LightingLike, eye: torch.Tensor | None, *, albedo: torch.Tensor | None = None
+    ) -> torch.Tensor:
+        """What each element sends towards `eye` ([3] or [E, 3]; None where nobody looks), [E, 3]; see `shade`."""
+        lit = self.lit(lighting, albedo=albedo)
+        own = torch.arange(len(self.elements), device=lit.coefficients.device)[:, None]
+        places = (values.to(lit.coefficients) for values in (self.elements.positions, self.elements.normals))
+        return lit.towards(Samples(own, lit.coefficients.new_ones(len(own), 1), *places), eye)
 
     @property
     def order(self) -> int | None:

@@ -7,7 +7,6 @@ import torch
 from diffprt.errors import InputError
 from diffprt.representation.interface import Representation
 from diffprt.representation.lighting import LightingLike
-from diffprt.representation.view import Samples
 
 
 def shade(
@@ -34,12 +33,8 @@ def shade(
         InputError: light of another order or kind, an eye of another shape, a glossy asset without one, or one with
             albedo.
     """
-    lit, elements = asset.lit(light, albedo=albedo), asset.elements
-    coefficients = lit.coefficients
-    own = torch.arange(len(elements), device=coefficients.device)[:, None]
-    positions, normals = elements.positions.to(coefficients), elements.normals.to(coefficients)
-    samples = Samples(own, coefficients.new_ones(len(own), 1), positions, normals)
-    eye = None if view is None else torch.as_tensor(view, dtype=coefficients.dtype, device=coefficients.device)
-    if eye is not None and tuple(eye.shape) not in {(3,), tuple(positions.shape)}:
-        raise InputError(f"eye has shape {list(eye.shape)}: give one position [3], or one per element [E, 3]")
-    return lit.towards(samples, eye)
+    dtype, count = asset.elements.positions.dtype, len(asset.elements)
+    eye = None if view is None else torch.as_tensor(view, dtype=dtype, device=asset.elements.positions.device)
+    if eye is not None and tuple(eye.shape) not in {(3,), (count, 3)}:
+        raise InputError(f"eye has shape {list(eye.shape)}: give one position [3], or one per element [{count}, 3]")
+    return asset.radiance(light, eye, albedo=albedo)

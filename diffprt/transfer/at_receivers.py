@@ -9,6 +9,7 @@ from typing import ClassVar, Self
 
 import torch
 
+from diffprt import sh
 from diffprt.brdf import hemisphere_gram
 from diffprt.errors import InputError
 from diffprt.representation.elements import Elements
@@ -20,7 +21,7 @@ from diffprt.representation.provenance import Provenance
 from diffprt.representation.spec import Spec, TensorSpec
 from diffprt.sh.frames import tangent_frames
 from diffprt.surface.receivers import Receivers
-from diffprt.transfer.glossy.mirrored import MirroredBasis, mirrored
+from diffprt.transfer.glossy.mirrored import MirroredBasis, above_horizon, mirrored
 
 OPENNESS: Spec = {
     "openness": TensorSpec(("V",), ("float32",), per_element=True, optional=True),
@@ -146,6 +147,19 @@ class GlossyTransferAtReceivers(TransferAtReceivers):
         if albedo is not None:
             self.check_albedo()
         return Lit(mirrored(self.exit_radiance(lighting), self.frames), MirroredBasis(self.order_out))
+
+    def radiance(
+        self, lighting: LightingLike, eye: torch.Tensor | None, *, albedo: torch.Tensor | None = None
+    ) -> torch.Tensor:
+        """y(view)ᵀ T L on each receiver's own axes, which need not be turned to those of the scene."""
+        if albedo is not None:
+            self.check_albedo()
+        if eye is None:
+            raise InputError("a glossy asset looks different from everywhere: give view, such as camera.eye")
+        radiance = self.exit_radiance(lighting)
+        outward = torch.nn.functional.normalize(eye - self.receivers.positions, dim=-1)
+        local = above_horizon(torch.einsum("vij,vi->vj", self.frames, outward))
+        return torch.einsum("vco,vo->vc", radiance, sh.basis(local, self.order_out).to(radiance.dtype))
 
     def metric(self, prior: torch.Tensor) -> Metric:
         return Metric.of(prior, hemisphere_gram(self.order_out, cosine=True) / math.pi)

@@ -25,6 +25,7 @@ from diffprt.surface.receivers import Receivers
 from diffprt.surface.sampling import Pattern
 from diffprt.transfer.glossy.grouped_products import rows_times_matrices, sum_of_outer_products
 from diffprt.transfer.glossy.materials import GlossyMaterials
+from diffprt.transfer.glossy.mirrored import above_horizon
 
 # Powers of it choose corners of hit triangles; it is not related to the golden ratio of the directions.
 _PLASTIC = 0.7548776662466927
@@ -107,12 +108,3 @@ class GlossyBouncer:
         x = radius * (cosine * turn_cosine - sine * turn_sine)
         y = radius * (cosine * turn_sine + sine * turn_cosine)
         return torch.stack([x, y, (1 - square).clamp_min(0).sqrt()], dim=-1)
-
-
-def above_horizon(directions: torch.Tensor) -> torch.Tensor:
-    """Directions [..., 3] on local axes, those below the surface moved up to its horizon.
-
-    Interpolated normals lean away from their triangles, so a surface is seen from slightly below its own horizon.
-    """
-    lifted = torch.cat([directions[..., :2], directions[..., 2:].clamp_min(0)], dim=-1)
-    return torch.nn.functional.normalize(lifted, dim=-1)

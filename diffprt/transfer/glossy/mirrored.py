@@ -71,3 +71,12 @@ class MirroredBasis(Basis):
 def _half_turn(order: int) -> torch.Tensor:
     """(-1)^m of each coefficient, [K]: what a half turn about z multiplies it by."""
     return torch.tensor([(-1.0) ** abs(m) for l in range(order) for m in range(-l, l + 1)])
+
+
+def above_horizon(directions: torch.Tensor) -> torch.Tensor:
+    """Directions [..., 3] on local axes, those below the surface moved up to its horizon.
+
+    Interpolated normals lean away from their triangles, so a surface is seen from slightly below its own horizon.
+    """
+    lifted = torch.cat([directions[..., :2], directions[..., 2:].clamp_min(0)], dim=-1)
+    return torch.nn.functional.normalize(lifted, dim=-1)
