@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -13,12 +12,12 @@ from kornia.metrics import psnr
 
 from diffprt.compression import compress
 from diffprt.exporters import export
-from diffprt.progress import Track, untracked
+from diffprt.progress import Track, timed, untracked
 from diffprt.rendering import auto_exposure, render
 from diffprt.rendering.sheet import contact_sheet
 from diffprt.representation import Representation
 from diffprt.representation import files as assets
-from diffprt.scene import Camera, Light, Scene, builtin_environment, builtin_scene
+from diffprt.scene import Camera, Light, builtin_environment, builtin_scene
 from diffprt.shading import tone_map
 from diffprt.transfer import trace
 from diffprt.transfer.diffuse.direct import open_transfer
@@ -46,12 +45,6 @@ class DemoResult:
     errors: dict[str, float] = field(default_factory=dict)
 
 
-def demo_scene() -> Scene:
-    """The bunny (48,800 triangles) on a ground that catches its shadow."""
-    bunny = builtin_scene("bunny").with_albedo(torch.tensor(BUNNY_ALBEDO))
-    return bunny.with_ground(albedo=0.5)
-
-
 def run_demo(
     directory: Path,
     *,
@@ -75,12 +68,13 @@ def run_demo(
     @contextmanager
     def stage(name: str) -> Iterator[None]:
         stage_begins(name)
-        begun = time.perf_counter()
-        yield
-        result.stages[name] = time.perf_counter() - begun
+        with timed(result.stages, name):
+            yield
 
     with stage("scene and lights"):
-        scene = demo_scene()
+        # 48,800 triangles on a ground that catches their shadow.
+        bunny = builtin_scene("bunny").with_albedo(torch.tensor(BUNNY_ALBEDO))
+        scene = bunny.with_ground(albedo=0.5)
         lights = {name: builtin_environment(name).project(order, window="hann") for name in LIGHTS}
     report: dict = {}
     with stage("visibility and first hits"):
@@ -100,7 +94,9 @@ def run_demo(
         f"interreflected ({bounces} bounces)": reflected,
         f"compressed ({clusters} x {components})": compressed,
     }
-    camera = demo_camera(scene, size)
+    # On the bunny, not on the whole of its ground.
+    around = scene.meshes[0].positions
+    camera = Camera.framing(around, azimuth=20, elevation=18, margin=1.35, width=size, height=size)
     with stage("pictures"):
         pictures, balanced = _pictures(columns, lights, camera)
         contact_sheet(result.sheet, pictures, list(columns), list(lights))
@@ -119,12 +115,6 @@ def run_demo(
         "compressed_psnr_db": float(psnr(last.permute(2, 0, 1), before.permute(2, 0, 1), 1.0)),
     }
     return result
-
-
-def demo_camera(scene: Scene, size: int) -> Camera:
-    """A camera on the bunny, not on the whole of its ground."""
-    bunny = scene.meshes[0].positions
-    return Camera.framing(bunny, azimuth=20, elevation=18, margin=1.35, width=size, height=size)
 
 
 def _pictures(

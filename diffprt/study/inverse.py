@@ -66,20 +66,19 @@ def inverse_study(source: str | Scene, asked: InverseOptions) -> dict:
             pictures = shoot(scene, light, photograph, asked.views)
             rows.append(_light_row(scene, maker, name, light, recover_light(transport.transfer(), pictures)))
     asked.say("light from a convex object")
-    rows.append(_convex_row(traced, asked.views, asked.size, asked.noise, asked.seed))
+    rows.append(_convex_row(traced, asked))
     painted, truth = painted_scene(scene)
     asked.say(f"albedo from {asked.albedo_views} pictures")
     albedo_rows, seen = [], {}
     for name in lights:
         seen[name] = shoot(painted, lights[name], traced, asked.albedo_views)
-        for model, asset in (
-            ("follows", transport),
-            ("as baked with 0.5", transport.transfer(albedo=_gray(transport))),
-        ):
+        gray = transport.transfer(albedo=torch.full((len(transport.receivers), 3), 0.5))
+        for model, asset in (("follows", transport), ("as baked with 0.5", gray)):
             found = recover_albedo(asset, seen[name])
             albedo_rows.append({"light": name, "interreflection": model, **_albedo_row(found, truth)})
     asked.say("light and albedo together")
-    turned = Light(lights["studio"].coefficients).rotate(_half_turn())
+    half_turn = torch.diag(torch.tensor([-1.0, 1.0, -1.0]))  # about +y
+    turned = Light(lights["studio"].coefficients).rotate(half_turn)
     seen["studio, turned"] = shoot(painted, turned, traced, asked.albedo_views)
     lights["studio, turned"] = turned
     pictures = [picture[:2] for own in seen.values() for picture in own]
@@ -112,9 +111,8 @@ def _pictures(positions, scene: Scene, light: Light, photograph: Photograph, vie
     found = []
     for index in range(views):
         elevation = 20.0 if index % 2 == 0 else -10.0
-        camera = Camera.framing(
-            positions, azimuth=20 + 360 * index / views, elevation=elevation, width=size, height=size
-        )
+        angles = {"azimuth": 20 + 360 * index / views, "elevation": elevation}
+        camera = Camera.framing(positions, **angles, width=size, height=size)
         image = photograph(scene, light, camera, index)
         level = noise * float(image[image.sum(-1) > 0].square().mean().sqrt())
         generator = torch.Generator().manual_seed(seed + index)
@@ -147,14 +145,13 @@ def _light_row(scene: Scene, maker: str, name: str, light: Light, found) -> dict
     }
 
 
-def _convex_row(photograph: Photograph, views: int, size: int, noise: float, seed: int) -> dict:
+def _convex_row(photograph: Photograph, asked: InverseOptions) -> dict:
     """A matt sphere at order 6, which cannot see bands 3 and 5."""
     sphere = builtin_scene("sphere", subdivisions=5)
     light = builtin_environment("studio").project(6, window="auto")
     transfer = trace(sphere, order=6, rays=64, bounces="converged").transfer()
-    pictures = _pictures(
-        transfer.receivers.positions, sphere, light, photograph, views, size=size, noise=noise, seed=seed
-    )
+    noisy = {"size": asked.size, "noise": asked.noise, "seed": asked.seed}
+    pictures = _pictures(transfer.receivers.positions, sphere, light, photograph, asked.views, **noisy)
     return _light_row(sphere, "Mitsuba", "studio", light, recover_light(transfer, pictures))
 
 
@@ -180,12 +177,3 @@ def _joint_row(transport, pictures: list, lit_by: Sequence[int], truth: torch.Te
     ]
     row = _albedo_row(found.albedo, truth)
     return {**row, "light_errors": errors, "mismatch": found.mismatch, "next_best": found.next_best}
-
-
-def _gray(transport: Transport) -> torch.Tensor:
-    return torch.full((len(transport.receivers), 3), 0.5)
-
-
-def _half_turn() -> torch.Tensor:
-    """Half a circle about +y."""
-    return torch.diag(torch.tensor([-1.0, 1.0, -1.0]))

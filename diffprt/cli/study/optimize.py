@@ -34,22 +34,10 @@ def run(
     from diffprt.study.optimization.study import optimize_study
 
     check_output(output, directory=True)
-    report = optimize_study(
-        source or ["builtin:bunny"],
-        output,
-        brdfs=brdf,
-        sizes=[parse_clusters(text) for text in size],
-        train_lights=train_light,
-        held_lights=held_light,
-        order=order,
-        rays=rays,
-        bounces=bounces,
-        pictures=pictures,
-        size=pixels,
-        steps=steps,
-        window=window,
-        say=say,
-    )
+    lights = {"train_lights": train_light, "held_lights": held_light, "window": window}
+    numbers = {"order": order, "rays": rays, "bounces": bounces, "pictures": pictures, "size": pixels, "steps": steps}
+    sizes = [parse_clusters(text) for text in size]
+    report = optimize_study(source or ["builtin:bunny"], output, brdfs=brdf, sizes=sizes, **lights, **numbers, say=say)
     write_report(json_file, "study optimize", report)
     print_optimization(report)
 

@@ -33,26 +33,22 @@ def run(
 
 def print_overdraw(report: dict) -> None:
     """The tables of `overdraw_study`, each beside the thesis's own, with verdicts and trends below."""
+    from diffprt.study.overdraw.summary import SIGNAL
+    from diffprt.study.rows import grouped
+
     for note in report["notes"]:
         print(f"note: {note}")
-    verdicts = {_signal_of(verdict): verdict for verdict in report["summary"]["groups"]}
-    groups: dict[tuple, list[dict]] = {}
-    for row in report["rows"]:
-        groups.setdefault(_signal_of(row), []).append(row)
-    for key in sorted(groups):
-        _print_overdraw_rows(groups[key])
-        if key in verdicts:
-            _print_overdraw_verdict(verdicts[key])
+    verdicts = grouped(report["summary"]["groups"], *SIGNAL)
+    for key, rows in sorted(grouped(report["rows"], *SIGNAL).items()):
+        _print_overdraw_rows(rows)
+        for verdict in verdicts.get(key, ()):
+            _print_overdraw_verdict(verdict)
     for budget, found in report["summary"]["met"].items():
         if found["of"]:
             alone = "clusters alone" if budget == "clusters" else f"{budget} registers"
             print(f"less error and less overdraw with {alone}: on {found['better']} of {found['of']} signals")
     for path in [*report["files"]["charts"], *report["files"]["pictures"]]:
         print(f"picture: {path}")
-
-
-def _signal_of(row: dict) -> tuple:
-    return tuple(row[name] for name in ("scene", "brdf", "channels", "clusters", "components"))
 
 
 def _print_overdraw_rows(rows: list[dict]) -> None:

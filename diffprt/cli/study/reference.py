@@ -31,20 +31,9 @@ def run(
 
     color = None if albedo is None else parse_color(albedo, "albedo")
     check_output(output, directory=True)
-    report = reference_study(
-        source,
-        light,
-        output,
-        order=order,
-        rays=rays,
-        bounces=bounces,
-        size=size,
-        samples=samples,
-        albedo=color,
-        brdf=[parse_brdf(text) for text in brdf],
-        order_out=order_out,
-        up=up,
-    )
+    brdfs = [parse_brdf(text) for text in brdf]
+    numbers = {"order": order, "rays": rays, "bounces": bounces, "size": size, "samples": samples}
+    report = reference_study(source, light, output, albedo=color, brdf=brdfs, order_out=order_out, up=up, **numbers)
     for note in report["notes"]:
         print(f"note: {note}")
     shares = ("relative_rmse", "resolution", "noise", "difference")

@@ -12,7 +12,6 @@ between the two is taken on the coefficients of the light, where the chain rule 
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from functools import partial
 
@@ -23,6 +22,7 @@ from diffprt.compression import compress
 from diffprt.errors import InputError
 from diffprt.options import takes
 from diffprt.options.study import GradientOptions
+from diffprt.progress import timed
 from diffprt.rendering import FrozenView
 from diffprt.scene import Camera, Scene, builtin_environment, load_scene
 from diffprt.study.gradient.mitsuba import MitsubaGradient
@@ -66,10 +66,8 @@ def gradient_study(source: str | Scene, asked: GradientOptions) -> dict:
 
     def once(name: str, work: Callable[[], object]) -> object:
         asked.say(name)
-        begun = time.perf_counter()
-        result = work()
-        setup[name] = time.perf_counter() - begun
-        return result
+        with timed(setup, name):
+            return work()
 
     def peer(light, bounces: int, rows: int) -> MitsubaGradient:
         return MitsubaGradient(scene, camera, light, bounces=bounces, rows=rows)

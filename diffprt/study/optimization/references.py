@@ -10,7 +10,8 @@ import torch
 from diffprt.errors import InputError
 from diffprt.optimization import Reference, References, random_cameras, random_lights
 from diffprt.optimization.references.references import bounds_of
-from diffprt.scene import BUILTIN_ENVIRONMENTS, Scene, load_environment, load_scene
+from diffprt.scene import Scene, load_scene
+from diffprt.study.lights import named_light
 from diffprt.study.mitsuba.scene import mitsuba_scene, path_trace, start_mitsuba
 from diffprt.surface import Surfaces
 
@@ -51,8 +52,7 @@ def mitsuba_references(
         say(f"note: {note}")
     scene = load_scene(source)
     receivers = Surfaces.of(scene).receivers
-    paths = [f"builtin:{name}" if name in BUILTIN_ENVIRONMENTS else name for name in lights]
-    projected = [load_environment(path).project(order, window="auto") for path in paths]
+    projected = [named_light(name, order, window="auto") for name in lights]
     cameras = random_cameras(receivers, count, width=size, height=size, seed=seed)
     entries = []
     for index, (camera, light) in enumerate(zip(cameras, random_lights(projected, count, seed=seed), strict=True)):

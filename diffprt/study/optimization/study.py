@@ -22,7 +22,8 @@ from diffprt.optimization import ImageNorm, References, TransferLoss, make_refer
 from diffprt.optimization.formats import encoded, fit_to_bytes
 from diffprt.optimization.references.checks import check_references
 from diffprt.optimization.references.pictures import Pictures
-from diffprt.scene import BUILTIN_ENVIRONMENTS, Light, load_environment, load_scene
+from diffprt.scene import Light, load_scene
+from diffprt.study.lights import named_light
 from diffprt.study.optimization.sheet import optimization_sheet
 from diffprt.study.rows import Rows, grouped
 from diffprt.transfer import GlossyTransfer, Transfer, bake, bake_glossy
@@ -99,7 +100,7 @@ def optimize_study(
     output.mkdir(parents=True, exist_ok=True)
     rows = Rows(output / "rows.jsonl")
     found, files = [], []
-    lights = [[_light(name, order, window) for name in names] for names in (train_lights, held_lights)]
+    lights = [[named_light(name, order, window=window) for name in names] for names in (train_lights, held_lights)]
     options = (order, rays, bounces, pictures, size, steps, tuple(train_lights), tuple(held_lights), window)
     for source in sources:
         for brdf in brdfs:
@@ -263,8 +264,3 @@ def _bake(scene, brdf: str, order: int, rays: int, bounces: int) -> Transfer | G
     with torch.no_grad():
         baked = bake_glossy(scene, parse_brdf(brdf), order=order, order_out=order, rays=rays, bounces=bounces)
     return baked.labeled(replace(baked.provenance, settings={}))
-
-
-def _light(name: str, order: int, window: str) -> Light:
-    environment = load_environment(f"builtin:{name}" if name in BUILTIN_ENVIRONMENTS else name)
-    return environment.project(order, window=window)

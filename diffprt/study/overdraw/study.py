@@ -10,7 +10,8 @@ from pathlib import Path
 from diffprt.errors import InputError
 from diffprt.options import takes
 from diffprt.options.study import OverdrawOptions
-from diffprt.scene import BUILTIN_ENVIRONMENTS, Light, Scene, load_environment, load_scene
+from diffprt.scene import Light, Scene, load_scene
+from diffprt.study.lights import named_light
 from diffprt.study.overdraw.chart import overdraw_charts
 from diffprt.study.overdraw.image import HeldOut
 from diffprt.study.overdraw.methods import DEFAULT, ORIGINAL, PEER, Method, has_peer
@@ -87,7 +88,7 @@ def overdraw_study(sources: Iterable[str | Path | Scene], output: str | Path, as
     kept = Rows(output / "rows.jsonl")
     keys = [digest([study, cell.signal.key(cell.scene), *cell.method.as_list(), cell.clusters]) for cell in cells]
     waiting = [(key, cell) for key, cell in zip(keys, cells, strict=True) if key not in kept.rows]
-    bench = _Bench(output / "signals", {Path(name).stem: _light(name, asked.order) for name in asked.lights})
+    bench = _Bench(output / "signals", {Path(name).stem: named_light(name, asked.order) for name in asked.lights})
     for number, (key, cell) in enumerate(waiting):
         if asked.minutes is not None and time.perf_counter() - begun > 60 * asked.minutes:
             left = len(waiting) - number
@@ -145,7 +146,3 @@ def _pictures(output: Path, kept: Rows, cells: list[_Cell], keys: list[str]) -> 
             signals.setdefault(cell.signal.key(cell.scene), (cell.scene, []))[1].append(kept.rows[key])
     written = [study_pictures(output, Surfaces.of(scene).receivers, rows) for scene, rows in signals.values()]
     return [path for path in written if path is not None]
-
-
-def _light(name: str, order: int) -> Light:
-    return load_environment(f"builtin:{name}" if name in BUILTIN_ENVIRONMENTS else name).project(order)

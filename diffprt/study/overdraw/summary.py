@@ -28,7 +28,9 @@ def summary(rows: list[dict]) -> dict:
     """
     groups = grouped(rows, *SIGNAL)
     verdicts = [_verdict(group) for _, group in sorted(groups.items()) if any(r["method"] == ORIGINAL for r in group)]
-    at = sorted({budget for verdict in verdicts for budget in verdict["best"]}, key=_by_budget)
+    at = sorted(
+        {budget for verdict in verdicts for budget in verdict["best"]}, key=lambda b: 0 if b == "clusters" else int(b)
+    )
     met = {}
     for budget in at:
         told = [v["best"][budget]["better"] for v in verdicts if v["best"].get(budget, {}).get("better") is not None]
@@ -54,8 +56,8 @@ def _verdict(group: list[dict]) -> dict:
     told = {name: original[name] for name in SIGNAL}
     target = None
     if told["clusters"] == _TARGET["clusters"] and told["channels"] == 1 and _TARGET["registers"] in best:
-        reached = best[_TARGET["registers"]].get("overdraw")
-        target = {"overdraw": reached, "wanted": _TARGET["overdraw"], "met": _at_most(reached, _TARGET["overdraw"])}
+        reached, wanted = best[_TARGET["registers"]].get("overdraw"), _TARGET["overdraw"]
+        target = {"overdraw": reached, "wanted": wanted, "met": reached is not None and reached <= wanted}
     return {
         **told,
         "original": {name: original[name] for name in ("squared_error", "overdraw", "image_error", "seed")},
@@ -124,11 +126,3 @@ def _floors(original: dict, ours: list[dict]) -> list[dict]:
             }
         )
     return found
-
-
-def _at_most(value: float | None, bound: float) -> bool:
-    return value is not None and value <= bound
-
-
-def _by_budget(budget: str) -> int:
-    return 0 if budget == "clusters" else int(budget)

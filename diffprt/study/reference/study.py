@@ -19,7 +19,8 @@ from diffprt.errors import InputError
 from diffprt.images import write_image
 from diffprt.progress import status, track
 from diffprt.rendering import render
-from diffprt.scene import BUILTIN_ENVIRONMENTS, Camera, Light, Scene, load_environment, load_scene
+from diffprt.scene import Camera, Light, Scene, load_scene
+from diffprt.study.lights import named_light
 from diffprt.study.mitsuba.bsdf import mitsuba_bsdf
 from diffprt.study.mitsuba.scene import mitsuba_scene, path_trace, start_mitsuba
 from diffprt.study.reference.agreement import agreement, eroded
@@ -82,7 +83,7 @@ def reference_study(
     if albedo is not None:
         scene = scene.with_albedo(torch.as_tensor(albedo, dtype=torch.float32))
     # All lights are read before the first ray is traced: a wrong name costs no time.
-    projected = [_light(name, order) for name in lights]
+    projected = [named_light(name, order, window="auto") for name in lights]
     baked: dict = {}
     options = {"order": order, "rays": rays, "bounces": bounces, "track": track, "report": baked}
     if len(brdf):
@@ -95,10 +96,9 @@ def reference_study(
     output.mkdir(parents=True, exist_ok=True)
     rows = []
     for name, light in zip(lights, projected, strict=True):
+        paths = {"bounces": bounces, "samples": samples, "brdf": brdf}
         with status(f"path tracing under {Path(name).stem}"):
-            row, pictures = compare(
-                mitsuba, scene, transfer, light, camera, visible, bounces=bounces, samples=samples, brdf=brdf
-            )
+            row, pictures = compare(mitsuba, scene, transfer, light, camera, visible, **paths)
         files = _write(output, f"{scene.name}_{Path(name).stem}", pictures, row)
         rows.append({"light": Path(name).stem, **row, "window": light.report, "files": files})
     return {
@@ -170,21 +170,14 @@ def compare(
 def receiver_pixels(scene: Scene, camera: Camera) -> torch.Tensor:
     """Pixels [H, W] all of whose samples see a surface that is shown, not an occluder-only mesh before it."""
     surfaces = Surfaces.of(scene)
-    everything = Receivers(
-        surfaces.positions, torch.zeros_like(surfaces.positions), torch.zeros_like(surfaces.positions), surfaces.faces
-    )
+    nothing = torch.zeros_like(surfaces.positions)
+    everything = Receivers(surfaces.positions, nothing, nothing, surfaces.faces)
     fine = Camera(camera.eye, camera.target, camera.up, camera.fov, camera.width * _SAMPLES, camera.height * _SAMPLES)
     view = everything.view(fine)
     shown = torch.zeros(len(surfaces.positions), dtype=torch.bool)
     shown[surfaces.faces[(surfaces.source_of_corner >= 0).all(1)].reshape(-1)] = True
     seen = view.framed(shown[view.index].all(-1))
     return seen.reshape(camera.height, _SAMPLES, camera.width, _SAMPLES).all(3).all(1)
-
-
-def _light(name: str, order: int) -> Light:
-    """Non-negative light of a built-in environment or a map."""
-    spec = f"builtin:{name}" if name in BUILTIN_ENVIRONMENTS else name
-    return load_environment(spec).project(order, window="auto")
 
 
 def _write(output: Path, stem: str, pictures: dict, row: dict) -> dict:
