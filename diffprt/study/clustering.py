@@ -7,7 +7,7 @@ from pathlib import Path
 
 import torch
 
-from diffprt.compression import clusters_per_pass, encode, lbg, overdraw, squared_errors, super_clusters
+from diffprt.compression import encode, lbg, overdraw, squared_errors, super_clusters
 from diffprt.compression.clusters.partition import canonical
 from diffprt.compression.clusters.randomized_pca import principal_span
 from diffprt.errors import InputError
@@ -99,10 +99,8 @@ def _kmeans(vectors: torch.Tensor, asked: ClusteringOptions) -> dict:
 
 
 def _best(signal: Signal, asked: ClusteringOptions) -> dict:
-    faces, per_pass = signal.receivers.faces, None
-    if asked.registers is not None:
-        sizes = {"channels": signal.channels, "outputs": signal.outputs}
-        per_pass = clusters_per_pass(asked.registers, asked.components, **sizes)
+    faces = signal.receivers.faces
+    per_pass = None if asked.registers is None else signal.per_pass(asked.registers, asked.components)
     fixed = {"clusters": asked.clusters, "components": asked.components, "seed": asked.seed}
     mesh = {"positions": signal.receivers.positions, "faces": faces}
 

@@ -101,7 +101,8 @@ def optimize_study(
     rows = Rows(output / "rows.jsonl")
     found, files = [], []
     lights = [[named_light(name, order, window=window) for name in names] for names in (train_lights, held_lights)]
-    options = (order, rays, bounces, pictures, size, steps, tuple(train_lights), tuple(held_lights), window)
+    settings = {"order": order, "rays": rays, "bounces": bounces, "pictures": pictures, "size": size, "steps": steps}
+    options = (*settings.values(), tuple(train_lights), tuple(held_lights), window)
     for source in sources:
         for brdf in brdfs:
             keys = {s: f"{source} {brdf} {s[0]}x{s[1]} {options}" for s in sizes}
@@ -111,10 +112,8 @@ def optimize_study(
             say(f"baking {source}, {brdf}")
             scene = load_scene(source)
             transfer = _bake(scene, brdf, order, rays, bounces)
-            made = [
-                make_references(transfer, own, pictures, width=size, height=size, seed=_SEED + i)
-                for i, own in enumerate(lights)
-            ]
+            square = {"width": size, "height": size}
+            made = [make_references(transfer, own, pictures, **square, seed=_SEED + i) for i, own in enumerate(lights)]
             for (clusters, components), key in keys.items():
                 if key not in rows.rows:
                     setting = Setting(scene.name, brdf, transfer, *made, clusters, components)
@@ -123,12 +122,7 @@ def optimize_study(
     files = sorted({row["sheet"] for row in found if row.get("sheet")})
     return {
         "settings": {
-            "order": order,
-            "rays": rays,
-            "bounces": bounces,
-            "pictures": pictures,
-            "size": size,
-            "steps": steps,
+            **settings,
             "window": window,
             "train_lights": list(train_lights),
             "held_lights": list(held_lights),

@@ -8,7 +8,7 @@ from importlib import import_module
 
 import torch
 
-from diffprt.compression import METHODS, clusters_per_pass, encode, lbg
+from diffprt.compression import METHODS, encode, lbg
 from diffprt.compression.clusters.components import cluster_pca
 from diffprt.compression.clusters.partition import member_means
 from diffprt.compression.encode import Encoded
@@ -64,10 +64,9 @@ class Method:
             raise InputError(f"method '{name}' is unknown: use one of {', '.join([*METHODS, PEER, PATCHES])}")
         if at and not (registers.isdecimal() and int(registers) > 0):
             raise InputError(f"method '{text}' has registers '{registers}': give a count, such as {name}@256")
-        if at and name not in _FOR_PASSES:
-            raise InputError(f"method '{name}' knows no registers: use {_FOR_PASSES[0]}@{registers}")
-        if tilde and name not in _FOR_PASSES:
-            raise InputError(f"method '{name}' knows no slack: use {_FOR_PASSES[0]}~{slack}")
+        for what, sign, value in (("registers", at, registers), ("slack", tilde, slack)):
+            if sign and name not in _FOR_PASSES:
+                raise InputError(f"method '{name}' knows no {what}: use {_FOR_PASSES[0]}{sign}{value}")
         weight = _number(text, "coherence", coherence, f"{name}=0.5") if equals else None
         above = _number(text, "slack", slack, f"{name}~0.2") if tilde else None
         return Method(name, weight, int(registers) if at else None, seed, above)
@@ -87,9 +86,7 @@ class Method:
             return _faiss(signal.vectors, clusters, components, self.seed)
         if self.name == PATCHES:
             return _patches(signal, clusters, components, self.seed)
-        per_pass = None
-        if self.registers is not None:
-            per_pass = clusters_per_pass(self.registers, components, channels=signal.channels, outputs=signal.outputs)
+        per_pass = None if self.registers is None else signal.per_pass(self.registers, components)
         begun = time.process_time()
         found = encode(
             signal.vectors,
@@ -131,20 +128,19 @@ def _faiss(vectors: torch.Tensor, clusters: int, components: int, seed: int) -> 
     """k-means of faiss on all rows, and components afterwards."""
     vectors = vectors.float().contiguous()
     begun = time.process_time()
-    labels = faiss_labels(vectors, clusters, seed=seed, iterations=_PEER_ROUNDS)
-    labels = labels.unique(return_inverse=True)[1]
-    means, bases, weights = cluster_pca(vectors, labels, int(labels.max()) + 1, components)
+    labels = faiss_labels(vectors, clusters, seed=seed, iterations=_PEER_ROUNDS).unique(return_inverse=True)[1]
+    parts = cluster_pca(vectors, labels, int(labels.max()) + 1, components)
     spent = time.process_time() - begun
-    return Encoded(labels, means, bases, weights, PEER, counts={"iterations": _PEER_ROUNDS}), spent
+    return Encoded(labels, *parts, PEER, counts={"iterations": _PEER_ROUNDS}), spent
 
 
 def _patches(signal: Signal, clusters: int, components: int, seed: int) -> tuple[Encoded, float]:
     """k-means of positions, and components of the signal afterwards."""
     begun = time.process_time()
     found = lbg(unit_box(signal.receivers.positions), clusters, seed=seed)
-    means, bases, weights = cluster_pca(signal.vectors, found.labels, len(found.centers), components)
+    parts = cluster_pca(signal.vectors, found.labels, len(found.centers), components)
     spent = time.process_time() - begun
-    return Encoded(found.labels, means, bases, weights, PATCHES, counts={"iterations": found.iterations}), spent
+    return Encoded(found.labels, *parts, PATCHES, counts={"iterations": found.iterations}), spent
 
 
 def faiss_labels(vectors: torch.Tensor, clusters: int, *, seed: int, iterations: int) -> torch.Tensor:

@@ -6,7 +6,7 @@ import torch
 
 from diffprt.compression import overdraw, squared_errors, super_clusters
 from diffprt.compression.encode import Encoded
-from diffprt.compression.overdraw.super_clusters import SELECTIONS, clusters_per_pass
+from diffprt.compression.overdraw.super_clusters import SELECTIONS
 from diffprt.errors import InputError
 from diffprt.study.overdraw.image import HeldOut
 from diffprt.study.overdraw.methods import Method, cluster_energy
@@ -57,7 +57,7 @@ def overdraw_row(
 
 def _grouped(signal: Signal, found: Encoded, components: int, budget: int) -> dict | None:
     try:
-        per_pass = clusters_per_pass(budget, components, channels=signal.channels, outputs=signal.outputs)
+        per_pass = signal.per_pass(budget, components)
     except InputError:
         return None
     result: dict = {"clusters_per_pass": per_pass}

@@ -11,6 +11,7 @@ from safetensors.torch import load_file
 
 from diffprt import sh
 from diffprt.brdf import parse_brdf
+from diffprt.compression import clusters_per_pass
 from diffprt.errors import InputError
 from diffprt.scene import Scene
 from diffprt.study.rows import digest, save_tensors
@@ -110,6 +111,10 @@ class Signal:
     def channels(self) -> int:
         """1 or 3."""
         return self.values.shape[1]
+
+    def per_pass(self, registers: int, components: int) -> int:
+        """Clusters that fit into the registers of a pass."""
+        return clusters_per_pass(registers, components, channels=self.channels, outputs=self.outputs)
 
     @property
     def name(self) -> str:
