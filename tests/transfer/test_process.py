@@ -37,7 +37,13 @@ def test_killed_bake_resumes_to_the_same_bytes(tmp_path, how):
     command = [sys.executable, "-m", "diffprt", "bake", "builtin:bunny", *options]
     target = tmp_path / "killed.prt"
     parts = tmp_path / "killed.prt.parts"
-    process = subprocess.Popen([*command, "-o", str(target)], stderr=subprocess.PIPE, text=True)
+    # Tests that a shell runs in the background are deaf to Ctrl-C, and what they start would be too.
+    process = subprocess.Popen(
+        [*command, "-o", str(target)],
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
     deadline = time.monotonic() + 120
     while len(list(parts.glob("*.safetensors"))) < 4 and process.poll() is None and time.monotonic() < deadline:
         time.sleep(0.02)
