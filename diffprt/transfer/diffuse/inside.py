@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from scipy import sparse
 
 from diffprt.kernels import TriangleMesh, run_chunks
 from diffprt.kernels.hemispheres import HemisphereTracer
@@ -84,6 +83,8 @@ class Fill:
         """
         if not bool(inside.any()) or len(receivers.faces) == 0:
             return None
+        from scipy import sparse  # most scenes do without, and it takes a tenth of a second to load
+
         group = receivers.coincident()
         first = np.unique(group, return_index=True)[1]
         hidden = inside.numpy()[first]
