@@ -19,7 +19,7 @@ from diffprt.images import read_image
 from diffprt.planning import Plan, plan
 from diffprt.representation.files import load
 from diffprt.scene import POLICY, Scene, builtin_scene
-from diffprt.scene.loading import READERS
+from diffprt.scene.readers.loading import READERS
 from diffprt.transfer import bake
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -10,7 +10,6 @@ from .light_shapes import constant_light as constant_light
 from .light_shapes import directional_light as directional_light
 from .light_shapes import disc_light as disc_light
 from .light_shapes import sphere_light as sphere_light
-from .loading import READERS as READERS
 from .material import Material as Material
 from .mesh import Mesh as Mesh
 from .procedural import BUILTIN_ENVIRONMENTS as BUILTIN_ENVIRONMENTS
@@ -18,6 +17,7 @@ from .procedural import builtin_environment as builtin_environment
 from .procedural import load_environment as load_environment
 from .procedural import sky_environment as sky_environment
 from .procedural import studio_environment as studio_environment
+from .readers.loading import READERS as READERS
 from .scene import Scene as Scene
 from .scene import builtin_scene as builtin_scene
 from .scene import load_scene as load_scene

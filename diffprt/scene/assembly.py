@@ -9,7 +9,7 @@ import numpy as np
 from diffprt.scene.checks import DefectReport, check_mesh
 from diffprt.scene.material import Material
 from diffprt.scene.mesh import Mesh
-from diffprt.scene.parts import Parts
+from diffprt.scene.readers.parts import Parts
 from diffprt.scene.resolution import offset_remark
 
 

@@ -37,7 +37,7 @@ def builtin_meshes(name: str, *, subdivisions: int | None = None, size: float | 
 
 def _bunny(subdivisions: int) -> Built:
     """The rabbit of warp-lang's examples: 6,102 vertices, 12,200 triangles, Loop-subdivided."""
-    from diffprt.scene.usd import read_usd
+    from diffprt.scene.readers.usd import read_usd
 
     package = find_spec("warp")
     folder = Path(next(iter(package.submodule_search_locations or ()))) if package else Path()

@@ -17,10 +17,10 @@ from diffprt.scene.checks import DefectReport, check_mesh
 from diffprt.scene.digest import scene_digest
 from diffprt.scene.geometry import Geometry
 from diffprt.scene.ground import ground_mesh
-from diffprt.scene.loading import read_parts
 from diffprt.scene.material import Material
 from diffprt.scene.mesh import Mesh
-from diffprt.scene.parts import DEFAULT_ALBEDO, Part, Parts
+from diffprt.scene.readers.loading import read_parts
+from diffprt.scene.readers.parts import DEFAULT_ALBEDO, Part, Parts
 
 _BUILTIN = "builtin:"
 

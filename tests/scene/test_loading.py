@@ -10,7 +10,7 @@ from PIL import Image
 
 from diffprt.errors import InputError
 from diffprt.scene import Scene
-from diffprt.scene.loading import READERS
+from diffprt.scene.readers.loading import READERS
 
 RNG = np.random.default_rng(3)
 QUADRANT = np.array([[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [255, 255, 255]]], dtype=np.uint8)

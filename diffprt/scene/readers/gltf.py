@@ -11,7 +11,7 @@ from trimesh.exchange.gltf import load_glb, load_gltf
 from trimesh.resolvers import FilePathResolver
 
 from diffprt.scene.material import Material
-from diffprt.scene.parts import Part, Parts, texture_from_picture
+from diffprt.scene.readers.parts import Part, Parts, texture_from_picture
 
 # Primitive modes that trimesh reads: points, lines, triangles, strips.
 _MODES_READ = (0, 1, 4, 5)

@@ -9,7 +9,7 @@ from trimesh.exchange.ply import load_ply
 from trimesh.resolvers import FilePathResolver
 
 from diffprt.scene.material import Material
-from diffprt.scene.parts import Part, Parts, linear_colors, texture_from_picture
+from diffprt.scene.readers.parts import Part, Parts, linear_colors, texture_from_picture
 
 
 def read_ply(path: Path) -> Parts:

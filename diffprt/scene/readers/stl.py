@@ -8,7 +8,7 @@ import numpy as np
 from trimesh.exchange.stl import load_stl
 
 from diffprt.scene.normals import position_groups
-from diffprt.scene.parts import Part, Parts
+from diffprt.scene.readers.parts import Part, Parts
 
 
 def read_stl(path: Path) -> Parts:

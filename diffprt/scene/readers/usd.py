@@ -8,9 +8,9 @@ import numpy as np
 from pxr import Ar, Sdf, Tf, Usd, UsdGeom, UsdShade
 
 from diffprt.errors import InputError
-from diffprt.scene.corners import row_numbers, weld
 from diffprt.scene.material import Material
-from diffprt.scene.parts import Part, Parts, texture_from_bytes
+from diffprt.scene.readers.corners import row_numbers, weld
+from diffprt.scene.readers.parts import Part, Parts, texture_from_bytes
 
 # The first time sample of what moves, the default value of what does not.
 _START = Usd.TimeCode.EarliestTime()

@@ -8,9 +8,9 @@ import numpy as np
 
 from diffprt.errors import InputError
 from diffprt.images import read_image
-from diffprt.scene.corners import weld
 from diffprt.scene.material import Material
-from diffprt.scene.parts import Part, Parts, linear_colors
+from diffprt.scene.readers.corners import weld
+from diffprt.scene.readers.parts import Part, Parts, linear_colors
 from diffprt.scene.srgb import linear_from_srgb
 
 

@@ -7,7 +7,7 @@ from importlib import import_module
 from pathlib import Path
 
 from diffprt.errors import InputError
-from diffprt.scene.parts import Parts
+from diffprt.scene.readers.parts import Parts
 
 # Each is imported when a file asks for it: parsers take longer to load than small files to read.
 READERS = {
@@ -40,7 +40,7 @@ def read_parts(path: Path) -> Parts:
     if path.stat().st_size == 0:
         raise InputError(f"mesh {path} has 0 bytes: export it again")
     module, _, reader = READERS[ending].partition(":")
-    read = getattr(import_module(f"diffprt.scene.{module}"), reader)
+    read = getattr(import_module(f"diffprt.scene.readers.{module}"), reader)
     try:
         result = read(path)
     except InputError:

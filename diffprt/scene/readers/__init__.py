@@ -1,0 +1,1 @@
+"""Files of scenes: one reader for each format, and what all of them hand on."""
