@@ -47,10 +47,14 @@ def save(asset: Representation, path: str | Path) -> int:
         "plan": asset.plan,
         "certificate": asset.certificate,
     }
-    data = safetensors.torch.save(
-        {key: tensor.detach().cpu().contiguous() for key, tensor in {**asset.stored(), **narrow}.items()},
-        metadata={KEY: json.dumps(header, sort_keys=True)},
-    )
+    tensors = {key: tensor.detach().cpu().contiguous() for key, tensor in {**asset.stored(), **narrow}.items()}
+    # A file has no two names for the same memory.
+    first = {tensor.untyped_storage().data_ptr(): key for key, tensor in reversed(tensors.items())}
+    apart = {
+        key: tensor if first[tensor.untyped_storage().data_ptr()] == key else tensor.clone()
+        for key, tensor in tensors.items()
+    }
+    data = safetensors.torch.save(apart, metadata={KEY: json.dumps(header, sort_keys=True)})
     write_whole(path, data, "asset")
     return len(data)
 

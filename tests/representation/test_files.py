@@ -3,6 +3,7 @@
 import json
 import re
 import struct
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -126,6 +127,15 @@ def test_documents_list_every_tensor():
                 listed[kind] |= set(re.findall(r"`(\w+)`", names))
     kinds = {name: kind_of(name) for name in HOMES}
     assert listed == {name: set(kind.elements_type.spec) | set(kind.spec) for name, kind in kinds.items()}
+
+
+def test_tensors_that_share_memory_are_saved_apart(bumpy_transfer, tmp_path):
+    normals = bumpy_transfer.receivers.normals
+    shared = replace(bumpy_transfer, bent_normals=normals)
+    save(shared, tmp_path / "a.prt")
+    save(replace(bumpy_transfer, bent_normals=normals.clone()), tmp_path / "b.prt")
+    assert (tmp_path / "a.prt").read_bytes() == (tmp_path / "b.prt").read_bytes()
+    assert torch.equal(load(tmp_path / "a.prt").bent_normals, normals)
 
 
 @pytest.mark.parametrize("clusters", [200, 300])
