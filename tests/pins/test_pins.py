@@ -1,14 +1,9 @@
 """Outputs have the bytes that were recorded: see `outputs.py`."""
 
-import importlib.util
 import json
-from pathlib import Path
 
+import outputs
 import pytest
-
-_SPEC = importlib.util.spec_from_file_location("diffprt_pinned_outputs", Path(__file__).with_name("outputs.py"))
-outputs = importlib.util.module_from_spec(_SPEC)
-_SPEC.loader.exec_module(outputs)
 
 RECORDED = json.loads(outputs.PINS.read_text())
 

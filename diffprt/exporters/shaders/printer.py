@@ -119,7 +119,12 @@ class Printer(ABC):
                 start, stop = bounds if len(bounds) == 2 else ("0", bounds[0])
                 head = self.loop(node.target.id, start, stop)
                 return [f"for ({head}) {{", *self.statements(node.body, depth + 1), f"{indent}}}"]
-        raise NotImplementedError(f"line {node.lineno} of {self.program.name}.shader: {ast.unparse(node)}")
+        raise self.unprintable(node)
+
+    def unprintable(self, node: ast.AST) -> NotImplementedError:
+        """What is raised where the language admits a construct that no printer knows yet."""
+        place = f"line {node.lineno} of {self.program.name}.shader"
+        return NotImplementedError(f"{place}: no printer knows {ast.unparse(node)}; add a case for it")
 
     def loop(self, name: str, start: str, stop: str) -> str:
         """The head of a counting loop."""
@@ -156,7 +161,7 @@ class Printer(ABC):
                 return f" {symbol} ".join(self.expression(value, rank + 1) for value in node.values), rank
             case ast.IfExp():
                 return self.choice(node)
-        raise NotImplementedError(f"line {node.lineno} of {self.program.name}.shader: {ast.unparse(node)}")
+        raise self.unprintable(node)
 
     def choice(self, node: ast.IfExp) -> tuple[str, int]:
         """a if b else c."""
