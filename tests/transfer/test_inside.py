@@ -136,20 +136,19 @@ def test_tolerance_holds_where_receivers_are_filled(bounces):
 
 
 def test_picked_receivers_are_filled_as_all_are():
-    scene = leaking_shells()
+    scene = block_on_a_floor()
     surfaces = Surfaces.of(scene)
     whole = bake(scene, order=3, rays=64, bounces=0, seed=4)
     inside = find_inside(surfaces, surfaces.receivers)
     fill = Fill.of(surfaces.receivers, inside)
-    pick = torch.randperm(len(inside), generator=torch.Generator().manual_seed(0))[:300].sort().values
-    assert bool(inside[pick].any())
+    pick = torch.randperm(len(inside), generator=torch.Generator().manual_seed(0))[:200].sort().values
+    assert int(inside[pick].sum()) > 10
     picked = PickedReceivers(surfaces, pick, fill)
     transfer, error = picked.trace(64, 4, 3)
     # Places differ by a rounding, so that some patterns are turned otherwise.
-    assert relative_error(transfer.float(), whole.diffuse[pick]) < 0.005
-    assert relative_error(transfer[inside[pick]].float(), whole.diffuse[pick][inside[pick]]) < 0.2
-    assert float(whole.diffuse[pick][inside[pick]].abs().max()) > 0
-    assert error.shape == (300, 1, 9)
+    assert relative_error(transfer.float(), whole.diffuse[pick]) < 0.05
+    assert relative_error(transfer[inside[pick]].float(), whole.diffuse[pick][inside[pick]]) < 0.1
+    assert error.shape == (200, 1, 9)
     # Those with the same mean are one draw.
     filled = {int(row): int(number) for row, number in zip(fill.rows, fill.alike, strict=True)}
     hidden = [place for place, row in enumerate(pick.tolist()) if row in filled]
