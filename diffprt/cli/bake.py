@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from diffprt.cli.clock import process_begun
 from diffprt.cli.from_options import from_options
 from diffprt.cli.outputs import JsonFile, check_ending, check_output, write_report
 from diffprt.cli.parsing import parse_bounces
@@ -77,7 +78,7 @@ def run(
             decided = plan(scene, options.tolerance or 0.01, light=light, order=options.order, bounces=options.bounces)
         for line in decided.lines():
             print(line)
-    job = prepare(scene, plan=decided, **vars(options))
+    job = prepare(scene, plan=decided, begun=process_begun(), **vars(options))
     with status("trying a few rays"):
         estimate = job.estimate()
     if dry_run:
@@ -97,8 +98,13 @@ def run(
         )
     if errors.get("receivers_inside"):
         print(f"note: {errors['receivers_inside']:,} receivers lie inside geometry" + ", filled" * options.fill_inside)
+    if "rays_fewest" in errors:
+        print(
+            f"note: the machine's speed changed on the way: {errors['rays_fewest']} to {errors['rays_most']} rays, "
+            f"{errors['rays_mean']:.0f} in the mean"
+        )
     print(
-        f"{output}: {estimate.receivers:,} receivers, {_bands_text(job)}, {job.settings.rays} rays, "
+        f"{output}: {estimate.receivers:,} receivers, {_bands_text(job)}, {report['settings']['rays']} rays, "
         f"{size_text(size)}{_error_text(errors)}"
     )
     report |= {

@@ -7,7 +7,6 @@ from .baking.estimate import Estimate as Estimate
 from .baking.estimate import available_memory as available_memory
 from .baking.job import Job as Job
 from .baking.sampling_rate import SamplingRate as SamplingRate
-from .baking.sampling_rate import rays_for_seconds as rays_for_seconds
 from .baking.sampling_rate import rays_for_tolerance as rays_for_tolerance
 from .diffuse.convergence import Convergence as Convergence
 from .diffuse.convergence import converge as converge

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 import torch
-from tolerances import FLOAT32
+from tolerances import FLOAT32, relative_error
 
 from diffprt.errors import InputError
 from diffprt.kernels import TriangleMesh
@@ -15,11 +15,7 @@ from diffprt.scene import Scene, builtin_scene
 from diffprt.surface import Surfaces
 from diffprt.surface.sampling import Pattern
 from diffprt.transfer import bake, prepare, rays_for_tolerance
-from diffprt.transfer.baking.trial import reflected_light, some_receivers, trace_some
-
-
-def relative_error(rough: torch.Tensor, fine: torch.Tensor) -> float:
-    return float((rough - fine).double().square().sum(-1).mean().sqrt() / fine.double().square().sum(-1).mean().sqrt())
+from diffprt.transfer.diffuse.picked import reflected_light, some_receivers, trace_some
 
 
 def random_blob(seed: int) -> Scene:
@@ -125,15 +121,6 @@ def test_an_open_scene_takes_the_fewest_rays(bounces):
     assert rate.pilot_rays == 2 * 32 * round(2562 ** (2 / 3)), "one trial of V^(2/3) receivers, of 2562, settles it"
 
 
-@pytest.mark.parametrize("seconds", [1.0, 3.0])
-def test_seconds_are_kept_roughly_and_reported(bumpy, seconds):
-    report: dict = {}
-    transfer = bake(bumpy, order=4, bounces=1, seconds=seconds, report=report)
-    assert report["timings"]["visibility and transfer"] < 3 * seconds
-    assert report["timings"]["visibility and transfer"] > 0.1 * seconds
-    assert 0 < transfer.certificate["estimated_error"] < 0.05
-
-
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -141,7 +128,6 @@ def test_seconds_are_kept_roughly_and_reported(bumpy, seconds):
         ({"tolerance": math.nan}, "tolerance is nan"),
         ({"tolerance": 1e-9}, "calls for about"),
         ({"seconds": 0}, "seconds is 0"),
-        ({"seconds": 1e-9}, "too short"),
         ({"seconds": math.inf}, "seconds is inf"),
         ({"rays": 64, "tolerance": 0.1}, "rays and tolerance were given together"),
         ({"tolerance": 0.1, "seconds": 3}, "tolerance and seconds were given together"),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,8 +19,6 @@ from diffprt.study.tolerance.chart import tolerance_chart
 from diffprt.study.tolerance.scenes import random_scene
 from diffprt.study.tolerance.truth import Truth, fewest_rays
 from diffprt.transfer import SamplingRate, bake, rays_for_tolerance
-
-Say = Callable[[str], None]
 
 _FINER = 16
 # The least that a tolerance may choose; the best fixed setting has the same floor.
@@ -59,7 +57,7 @@ def tolerance_study(sources: Iterable[str | Path | Scene], output: str | Path, a
     for scene in _scenes(sources, asked.data, asked.random, asked.seed, notes):
         for count in asked.bounces:
             settings = BakeSettings(order=asked.order, bounces=count, seed=asked.seed)
-            for row in _scene_rows(scene, settings, list(asked.tolerances), asked.truth_rays, kept, asked.say):
+            for row in _scene_rows(scene, settings, asked, kept):
                 rows.append(row)
                 asked.say(
                     f"{row['scene']}, {count} bounces, {row['tolerance']:g}: {row['rays']} rays leave "
@@ -126,20 +124,20 @@ def _scenes(
         yield scene
 
 
-def _scene_rows(
-    scene: Scene, settings: BakeSettings, tolerances: list[float], truth_rays: int, kept: Rows, say: Say
-) -> Iterator[dict]:
+def _scene_rows(scene: Scene, settings: BakeSettings, asked: ToleranceOptions, kept: Rows) -> Iterator[dict]:
     """Rows of one scene and number of bounces; those that are kept already cost nothing."""
-    keys = {tolerance: _key(scene, settings, tolerance, truth_rays) for tolerance in tolerances}
+    tolerances = list(asked.tolerances)
+    keys = {tolerance: _key(scene, settings, tolerance, asked) for tolerance in tolerances}
     missing = [tolerance for tolerance in tolerances if keys[tolerance] not in kept.rows]
     if missing:
-        say(f"{scene.name}, {settings.bounces} bounces: choosing rays and baking the truth")
-        rates = {tolerance: rays_for_tolerance(scene, settings, tolerance) for tolerance in missing}
-        rays = _FINER * max(rate.rays for rate in rates.values())
-        truth = Truth(scene, replace(settings, rays=rays), most_rays=truth_rays)
+        asked.say(f"{scene.name}, {settings.bounces} bounces: choosing rays and baking the truth")
+        fill = {"fill_inside": asked.fill_inside}
+        rates = {tolerance: rays_for_tolerance(scene, settings, tolerance, **fill) for tolerance in missing}
+        rays = asked.finer_rays or _FINER * max(rate.rays for rate in rates.values())
+        truth = Truth(scene, replace(settings, rays=rays), most_rays=asked.truth_rays, **fill)
         error_with = functools.cache(truth.error_with)
         for tolerance in missing:
-            row = _row(scene, settings, tolerance, rates[tolerance], truth)
+            row = _row(scene, settings, tolerance, rates[tolerance], truth, asked.fill_inside)
             row["best_rays"] = fewest_rays(error_with, tolerance, row["rays"], _FEWEST)
             row["cost"] = (row["rays"] + row["pilot_rays"] / row["receivers"]) / row["best_rays"]
             kept.add(keys[tolerance], row | {"truth_rays": rays})
@@ -147,13 +145,16 @@ def _scene_rows(
         yield kept.rows[keys[tolerance]]
 
 
-def _row(scene: Scene, settings: BakeSettings, tolerance: float, rate: SamplingRate, truth: Truth) -> dict:
+def _row(
+    scene: Scene, settings: BakeSettings, tolerance: float, rate: SamplingRate, truth: Truth, fill_inside: bool
+) -> dict:
     """One bake as a user has it, with the rays that the tolerance chose."""
     options = {"order": settings.order, "bounces": settings.bounces, "seed": settings.seed, "rays": rate.rays}
-    result = bake(scene, sampling=rate, fill_inside=False, **options)
+    result = bake(scene, sampling=rate, fill_inside=fill_inside, **options)
     return {
         "scene": scene.name,
         "receivers": len(result.receivers),
+        "inside": result.certificate.get("receivers_inside", 0),
         "bounces": settings.bounces,
         "tolerance": tolerance,
         "rays": rate.rays,
@@ -166,7 +167,7 @@ def _row(scene: Scene, settings: BakeSettings, tolerance: float, rate: SamplingR
     }
 
 
-def _key(scene: Scene, settings: BakeSettings, tolerance: float, truth_rays: int) -> str:
+def _key(scene: Scene, settings: BakeSettings, tolerance: float, asked: ToleranceOptions) -> str:
     """What a row depends on; rays are what the run finds."""
-    options = settings.as_dict() | {"rays": None, "tolerance": tolerance, "truth_rays": truth_rays}
-    return digest([scene.name, scene.hash(), options])
+    truth = {"truth_rays": asked.truth_rays, "finer_rays": asked.finer_rays, "fill_inside": asked.fill_inside}
+    return digest([scene.name, scene.hash(), settings.as_dict() | truth | {"rays": None, "tolerance": tolerance}])

@@ -11,7 +11,8 @@ import torch
 from diffprt.options.bake import BakeSettings
 from diffprt.scene import Scene
 from diffprt.surface.surfaces import Surfaces
-from diffprt.transfer.baking.trial import reflected_light, some_receivers, trace_some
+from diffprt.transfer.diffuse.inside import Fill
+from diffprt.transfer.diffuse.picked import PickedReceivers, reflected_light
 from diffprt.transfer.diffuse.tracing import Tracing
 from diffprt.transfer.diffuse.transport import trace_transport
 
@@ -24,22 +25,22 @@ _OTHER_SEED = 0x5EED << 40
 class Truth:
     """Transfer of (some of) a scene's receivers with many rays, independent of the bakes it is held against.
 
-    Receivers inside other geometry stay dark: what `bake` may fill them with is no matter of sampling.
     With bounces the last one is gathered with `settings.rays`, and what it gathers is known from fewer rays where
     the operator of all receivers would be too large: each receiver averages over many others.
 
     Args:
         settings: `rays` are those of the truth.
         most_rays: over all receivers, once for the truth and once for what it gathers.
+        fill_inside: as in `bake`.
 
     Attributes:
         share: of the receivers, drawn at random, that are compared.
         reflection_rays: per receiver, for the light that the last bounce gathers; 0 without bounces.
     """
 
-    def __init__(self, scene: Scene, settings: BakeSettings, *, most_rays: int) -> None:
+    def __init__(self, scene: Scene, settings: BakeSettings, *, most_rays: int, fill_inside: bool = True) -> None:
         surfaces = Surfaces.of(scene)
-        mesh = surfaces.mesh()
+        fill = Fill.of_surfaces(surfaces) if fill_inside else None
         every = surfaces.receivers
         size = max(1, min(len(every), most_rays // settings.rays))
         seed = settings.seed ^ _OTHER_SEED
@@ -51,13 +52,12 @@ class Truth:
         if settings.reflects:
             self.reflection_rays = min(settings.rays, max(1, most_rays // len(every)))
             before = replace(settings, rays=self.reflection_rays, bounces=settings.bounces - 1, seed=seed + 1)
-            transport = trace_transport(Tracing(surfaces, every, before), fill_inside=False)
+            transport = trace_transport(Tracing(surfaces, every, before), fill=fill)
             reflected = reflected_light(surfaces, transport.transfer().diffuse)
-        receivers = some_receivers(every, self.pick, mesh.ray_offset())
+        picked = PickedReceivers(surfaces, self.pick, fill)
 
         def traced(rays: int, seed: int) -> torch.Tensor:
-            pattern = surfaces.pattern(receivers, rays, seed)
-            return trace_some(surfaces, mesh, receivers, pattern, settings.order, reflected=reflected)[0]
+            return picked.trace(rays, seed, settings.order, reflected=reflected)[0]
 
         self._traced, self._seed = traced, settings.seed
         self.signal = traced(settings.rays, seed)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -14,6 +15,7 @@ from diffprt.progress import Track, untracked
 from diffprt.scene import Scene
 from diffprt.surface.receivers import Receivers
 from diffprt.surface.surfaces import Surfaces
+from diffprt.transfer.baking.deadline import Deadline
 from diffprt.transfer.baking.estimate import Estimate
 from diffprt.transfer.baking.sampling_rate import SamplingRate
 from diffprt.transfer.diffuse.signal import Transfer
@@ -32,6 +34,10 @@ class JobOptions(BakeOptions):
     )
     sampling: SamplingRate | None = field(
         default=None, metadata={"help": "What was found beside these rays, for the certificate."}
+    )
+    begun: float | None = field(
+        default=None,
+        metadata={"help": "`time.monotonic()` from which `seconds` count; without it, when the bake is prepared."},
     )
 
 
@@ -59,12 +65,15 @@ class Job(ABC):
         scene, options: what was asked for.
         settings: what will be done, settled; saved in the asset.
         threads: CPU threads.
+        deadline: when the bake has to have ended; None where no seconds were asked for.
         sampling: how many rays a tolerance or a time calls for; None where rays were given.
     """
 
     def __init__(self, scene: Scene, options: JobOptions) -> None:
         self.scene, self.options = scene, options
         self.threads = options.threads or default_threads()
+        begun = time.monotonic() if options.begun is None else options.begun
+        self.deadline = None if options.seconds is None else Deadline(options.seconds, begun)
 
     @cached_property
     def surfaces(self) -> Surfaces:

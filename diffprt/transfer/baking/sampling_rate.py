@@ -1,19 +1,20 @@
-"""How many rays an asked error, or an asked time, calls for."""
+"""How many rays an asked error calls for, and what error rays leave."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+
+import torch
 
 from diffprt.errors import InputError
-from diffprt.kernels import default_threads
 from diffprt.options.bake import BakeSettings, check_tolerance
 from diffprt.scene import Scene
 from diffprt.surface.surfaces import Surfaces
+from diffprt.transfer.baking.deadline import FEWEST_RAYS, MOST_RAYS
 from diffprt.transfer.baking.trial import Trial, TrialReceivers
-from diffprt.transfer.diffuse.estimate import estimate_diffuse
+from diffprt.transfer.diffuse.inside import Fill
 
-_FEWEST, _MOST = 32, 1 << 18
 _PACKET = 16
 # Standard errors of a sample of receivers that a forecast allows for, and the share of a tolerance that it aims at:
 # a sample's own standard error misses the rarest receivers, and the bake draws other rays.
@@ -38,6 +39,7 @@ class SamplingRate:
             stratified rays do better than two independent halves suggest. Two standard errors are included.
         pilot_rays: rays traced to find out, over all receivers.
         error_by_rays: relative error found at each number of rays tried.
+        exponent: the error falls like rays ** -exponent.
     """
 
     rays: int
@@ -45,6 +47,27 @@ class SamplingRate:
     correction: float
     pilot_rays: int
     error_by_rays: dict[int, float]
+    exponent: float = _EXPONENT
+
+    def expected_with(self, rays: torch.Tensor | float) -> float:
+        """The error to expect at most where receivers have those `rays`, [V] or the same for all."""
+        shares = torch.as_tensor(rays, dtype=torch.float64) / self.rays
+        return self.expected_error * float((shares ** (-2 * self.exponent)).mean().sqrt())
+
+    def promised(self, certificate: dict, rays: torch.Tensor | None) -> dict:
+        """What a certificate says of errors: `expected_error`, and `estimated_error` from the noise that it has.
+
+        Args:
+            certificate: of the bake.
+            rays: [V], traced from each receiver; as many as these, without it.
+        """
+        others = rays is not None and bool((rays != self.rays).any())
+        promised = {"expected_error": self.expected_with(rays.double()) if others else self.expected_error}
+        if "noise_relative" in certificate:
+            estimate = certificate["noise_relative"] * self.correction
+            # The correction holds for these rays alone.
+            promised["estimated_error"] = max(estimate, promised["expected_error"]) if others else estimate
+        return promised
 
     def as_dict(self) -> dict:
         """Plain values."""
@@ -58,7 +81,7 @@ class SamplingRate:
 
 
 def rays_for_tolerance(
-    scene: Scene, settings: BakeSettings, tolerance: float, *, threads: int | None = None
+    scene: Scene, settings: BakeSettings, tolerance: float, *, threads: int | None = None, fill_inside: bool = True
 ) -> SamplingRate:
     """The fewest rays whose relative root mean square error is expected to stay within `tolerance`.
 
@@ -66,64 +89,57 @@ def rays_for_tolerance(
     what is wanted; half the mean square difference of the two is the square of the error of one. The fall from
     trial to trial is the rate at which this scene converges, between N^-1/2 (Monte Carlo) and N^-1. With bounces,
     trials gather what all receivers reflect, known from a few rays each: interreflection adds more to the signal
-    than to its noise.
+    than to its noise. Receivers inside geometry are filled as the bake fills them.
 
     Args:
         tolerance: in (0, 1): root mean square error over receivers and coefficients, as a share of the signal's.
+        fill_inside: as in `bake`.
 
     Raises:
         InputError: the tolerance is out of range, or calls for more than 262144 rays.
     """
+    surfaces = Surfaces.of(scene)
+    fill = Fill.of_surfaces(surfaces, threads) if fill_inside else None
+    return rate_for_tolerance(TrialReceivers(surfaces, settings, fill, threads), tolerance)
+
+
+def rate_for_tolerance(sample: TrialReceivers, tolerance: float) -> SamplingRate:
+    """`rays_for_tolerance`, by trials of a sample."""
     check_tolerance(tolerance)
-    sample = TrialReceivers(scene, settings, threads)
-    trials = {_FEWEST: sample.measure(_FEWEST)}
+    trials = {FEWEST_RAYS: sample.measure(FEWEST_RAYS)}
     # Without any error every trial receiver is open or in the dark: none of them sees a surface that is lit.
-    if settings.reflects and trials[_FEWEST].error > 0:
+    if sample.settings.reflects and trials[FEWEST_RAYS].error > 0:
         sample.see_reflections(_rays_for_reflections(_Forecast(trials).rays_for(_MARGIN * tolerance)))
-        trials[_FEWEST] = sample.measure(_FEWEST)
+        trials[FEWEST_RAYS] = sample.measure(FEWEST_RAYS)
     while True:
         forecast = _Forecast(trials)
         wanted = forecast.rays_for(_MARGIN * tolerance)
         if wanted <= _REACH * forecast.rays:
             break
-        if wanted > _MOST and (forecast.measured or forecast.rays * _STEP > _MOST):
+        if wanted > MOST_RAYS and (forecast.measured or forecast.rays * _STEP > MOST_RAYS):
             raise InputError(
-                f"tolerance {tolerance} calls for about {wanted:.3g} rays per receiver, {_MOST} is the limit: "
-                f"give {forecast.error(_MOST) / _MARGIN:.2g} or more"
+                f"tolerance {tolerance} calls for about {wanted:.3g} rays per receiver, {MOST_RAYS} is the limit: "
+                f"give {forecast.error(MOST_RAYS) / _MARGIN:.2g} or more"
             )
         rays = _in_packets(min(wanted, _STEP * forecast.rays))
         trials[rays] = sample.measure(rays)
-    chosen = max(_FEWEST, _in_packets(wanted))
-    return _rate(chosen, forecast, sample, trials)
+    return _rate(max(FEWEST_RAYS, _in_packets(wanted)), forecast, sample, trials)
 
 
-def rays_for_seconds(
-    scene: Scene, settings: BakeSettings, seconds: float, *, threads: int | None = None
-) -> SamplingRate:
-    """The most rays that fit into `seconds` of baking on this machine; expected error from the same trial.
+def rate_of(sample: TrialReceivers, rays: int) -> SamplingRate:
+    """What error a number of rays leaves, by trials with fewer of them."""
+    if sample.settings.reflects:
+        sample.see_reflections(_rays_for_reflections(rays))
+    tried = sorted({FEWEST_RAYS, min(_STEP * FEWEST_RAYS, rays)})
+    trials = {count: sample.measure(count) for count in tried}
+    return _rate(rays, _Forecast(trials), sample, trials)
 
-    Raises:
-        InputError: the time is too short for 32 rays.
-    """
-    surfaces, threads = Surfaces.of(scene), threads or default_threads()
-    low, high = (
-        estimate_diffuse(surfaces, surfaces.receivers, replace(settings, rays=rays), "auto", threads).seconds
-        for rays in (256, 4096)
-    )
-    per_ray = max((high - low) / (4096 - 256), 1e-12)
-    fixed = max(low - 256 * per_ray, 0.0)
-    affordable = (0.9 * seconds - fixed) / per_ray
-    if affordable < _FEWEST:
-        raise InputError(
-            f"{seconds:g} seconds are too short: {_FEWEST} rays take about {fixed + _FEWEST * per_ray:.2g} s here, "
-            "give more time or a coarser mesh"
-        )
-    chosen = min(_PACKET * int(affordable // _PACKET), _MOST)
-    sample = TrialReceivers(scene, settings, threads)
-    if settings.reflects:
-        sample.see_reflections(_rays_for_reflections(chosen))
-    trials = {rays: sample.measure(rays) for rays in (_FEWEST, _STEP * _FEWEST)}
-    return _rate(chosen, _Forecast(trials), sample, trials)
+
+def rays_of_trials(sample: TrialReceivers, rays: int) -> int:
+    """Rays that `rate_of` traces, over all receivers."""
+    tried = sum({FEWEST_RAYS, min(_STEP * FEWEST_RAYS, rays)})
+    own = sample.reflection_rays(_rays_for_reflections(rays)) if sample.settings.reflects else 0
+    return own + sample.traced_at_a_time * (2 * tried + rays)
 
 
 class _Forecast:
@@ -132,6 +148,7 @@ class _Forecast:
     Attributes:
         rays: of the last trial.
         measured: whether two trials tell the exponent.
+        exponent: of the power law.
     """
 
     def __init__(self, trials: dict[int, Trial]) -> None:
@@ -142,18 +159,18 @@ class _Forecast:
         # Trials close to each other tell little of the exponent.
         before = max((rays for rays in trials if 2 * rays <= self.rays), default=None)
         self.measured = before is not None
-        self._exponent = _EXPONENT
+        self.exponent = _EXPONENT
         if self.measured and min(self.trial.error, trials[before].error) > 0:
             fall = math.log(trials[before].error / self.trial.error) / math.log(self.rays / before)
-            self._exponent = min(max(fall, _SLOWEST_EXPONENT), _FASTEST_EXPONENT)
+            self.exponent = min(max(fall, _SLOWEST_EXPONENT), _FASTEST_EXPONENT)
 
     def error(self, rays: int) -> float:
         """The relative error to expect at most."""
-        return self._bound * (self.rays / rays) ** self._exponent
+        return self._bound * (self.rays / rays) ** self.exponent
 
     def rays_for(self, tolerance: float) -> float:
         """Where `error` falls to `tolerance`."""
-        return self.rays * (self._bound / tolerance) ** (1 / self._exponent)
+        return self.rays * (self._bound / tolerance) ** (1 / self.exponent)
 
 
 def _rays_for_reflections(rays: float) -> int:
@@ -173,5 +190,10 @@ def _rate(chosen: int, forecast: _Forecast, sample: TrialReceivers, trials: dict
         likely = expected / (1 + _ALLOWED * trial.uncertainty)
         correction = likely / noise * (1 + _ALLOWED * trial.noise_uncertainty)
     return SamplingRate(
-        chosen, expected, correction, sample.traced, {rays: trial.error for rays, trial in trials.items()}
+        chosen,
+        expected,
+        correction,
+        sample.traced,
+        {rays: trial.error for rays, trial in trials.items()},
+        forecast.exponent,
     )

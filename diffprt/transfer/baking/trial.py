@@ -7,15 +7,10 @@ from dataclasses import dataclass, replace
 
 import torch
 
-from diffprt.kernels import TriangleMesh, run_chunks
 from diffprt.options.bake import CONVERGED, BakeSettings
-from diffprt.scene import Scene
-from diffprt.surface.operator import StoredOperator
-from diffprt.surface.receivers import Receivers
-from diffprt.surface.sampling import Pattern
-from diffprt.surface.sides import Sides
 from diffprt.surface.surfaces import Surfaces
-from diffprt.transfer.diffuse.direct import DirectTracer, direct_transfer
+from diffprt.transfer.diffuse.inside import Fill
+from diffprt.transfer.diffuse.picked import PickedReceivers, reflected_light
 from diffprt.transfer.diffuse.tracing import Tracing
 from diffprt.transfer.diffuse.transport import trace_transport
 
@@ -42,25 +37,31 @@ class Trial:
 class TrialReceivers:
     """Receivers of a scene drawn at random (by the seed) for trial traces.
 
+    Args:
+        surfaces: the scene.
+        settings: of the bake.
+        fill: what the bake fills; None where it fills nothing.
+        threads: CPU threads.
+
     Attributes:
+        settings: of the bake.
         traced: rays traced so far, over all receivers.
     """
 
-    def __init__(self, scene: Scene, settings: BakeSettings, threads: int | None = None) -> None:
-        self._surfaces = Surfaces.of(scene)
-        self._mesh = self._surfaces.mesh(threads)
-        self._settings, self._threads = settings, threads
+    def __init__(
+        self, surfaces: Surfaces, settings: BakeSettings, fill: Fill | None = None, threads: int | None = None
+    ) -> None:
+        self._surfaces, self.settings, self._fill, self._threads = surfaces, settings, fill, threads
         self._reflected: torch.Tensor | None = None
         # Traces of a bake use the seed itself, trials those after it.
         self._seed = settings.seed
         self.traced = 0
-        every = self._surfaces.receivers
+        every = surfaces.receivers
         size = min(max(round(_SAMPLE_SHARE * len(every) ** (2 / 3)), _LEAST_SAMPLE), len(every))
         generator = torch.Generator().manual_seed(settings.seed & 0x7FFFFFFFFFFFFFFF)
         pick = torch.randperm(len(every), generator=generator)[:size].sort().values
-        receivers = some_receivers(every, pick, self._mesh.ray_offset())
-        self._sides = Sides.of(receivers)
-        self._receivers = receivers if self._sides is None else self._sides.traced
+        self._picked = PickedReceivers(surfaces, pick, fill, threads)
+        self._draw = self._picked.alike.unique(return_inverse=True)[1]
 
     def see_reflections(self, rays: int) -> None:
         """From now on trials include interreflection: every receiver is traced with `rays`, for what it reflects.
@@ -68,12 +69,21 @@ class TrialReceivers:
         What a trial gathers averages over many of them, so that few rays will do.
         """
         every = self._surfaces.receivers
-        bounces = self._settings.bounces
+        bounces = self.settings.bounces
         before = bounces if bounces == CONVERGED else bounces - 1
-        settings = replace(self._settings, rays=rays, bounces=before, seed=self._next_seed())
-        transport = trace_transport(Tracing(self._surfaces, every, settings), threads=self._threads)
+        settings = replace(self.settings, rays=rays, bounces=before, seed=self._next_seed())
+        transport = trace_transport(Tracing(self._surfaces, every, settings), fill=self._fill, threads=self._threads)
         self.traced += rays * every.sides
         self._reflected = reflected_light(self._surfaces, transport.transfer().diffuse)
+
+    def reflection_rays(self, rays: int) -> int:
+        """What `see_reflections` traces, over all receivers."""
+        return rays * self._surfaces.receivers.sides
+
+    @property
+    def traced_at_a_time(self) -> int:
+        """Hemispheres of one trace."""
+        return self._picked.traced
 
     def measure(self, rays: int) -> Trial:
         """Traces the sample twice, independently, with `rays` each."""
@@ -88,8 +98,11 @@ class TrialReceivers:
         ratio = size / float(noise.mean()) if bool(noise.any()) else 1.0
 
         def uncertainty(deviation: torch.Tensor) -> float:
-            # Of a square root: half of that of the mean square.
-            return float(deviation.std()) / math.sqrt(len(error)) / size / 2 if len(error) > 1 else 0.0
+            # Receivers with the same mean err together: their sum is one draw. Of a square root: half of that of the
+            # mean square.
+            draws = torch.zeros_like(deviation).index_add_(0, self._draw, deviation - deviation.mean())
+            spread = float(draws.square().sum().sqrt()) / len(error)
+            return spread / size / 2
 
         return Trial(math.sqrt(size / signal), uncertainty(error), uncertainty(error - ratio * noise))
 
@@ -100,72 +113,9 @@ class TrialReceivers:
         return math.sqrt(float(error.square().sum(-1).mean()) / size) if size > 0 else 0.0
 
     def _trace(self, rays: int) -> tuple[torch.Tensor, torch.Tensor]:
-        self.traced += rays * len(self._receivers)
-        transfer, error = trace_some(
-            self._surfaces,
-            self._mesh,
-            self._receivers,
-            self._surfaces.pattern(self._receivers, rays, self._next_seed()),
-            self._settings.order,
-            reflected=self._reflected,
-            threads=self._threads,
-        )
-        if self._sides is None:
-            return transfer, error
-        return self._sides.combined(transfer), self._sides.combined_error(error)
+        self.traced += rays * self._picked.traced
+        return self._picked.trace(rays, self._next_seed(), self.settings.order, reflected=self._reflected)
 
     def _next_seed(self) -> int:
         self._seed = (self._seed + 1) % _SEEDS
         return self._seed
-
-
-def some_receivers(receivers: Receivers, pick: torch.Tensor, offset: float) -> Receivers:
-    """The receivers `pick` int64 [S], without triangles, yet with rays that start where theirs do.
-
-    Args:
-        offset: as in `Receivers.origins`, which moves receivers on a border inwards.
-    """
-    positions = (receivers.origins(offset).double() - offset * receivers.normals.double()).float()
-    return replace(receivers, positions=positions, albedo=receivers.albedo.detach()).picked(pick)
-
-
-def reflected_light(surfaces: Surfaces, transfer: torch.Tensor) -> torch.Tensor:
-    """Albedo times `transfer` [V, C, K] of the scene's own receivers; C is 1 where nothing is colored."""
-    albedo = surfaces.receivers.albedo.detach()
-    return (albedo if surfaces.colored else albedo[:, :1])[:, :, None] * transfer
-
-
-def trace_some(
-    surfaces: Surfaces,
-    mesh: TriangleMesh,
-    receivers: Receivers,
-    pattern: Pattern,
-    order: int,
-    *,
-    reflected: torch.Tensor | None = None,
-    threads: int | None = None,
-) -> tuple[torch.Tensor, torch.Tensor]:
-    """Transfer of `receivers`, whose last bounce gathers `reflected`; no operator is kept.
-
-    Args:
-        reflected: [V, C, K], see `reflected_light`; None for direct transfer.
-
-    Returns:
-        Transfer float64 [S, C, K], and the standard error of its direct part [S, 1, K] as of `direct_transfer`.
-    """
-    sources = len(surfaces.receivers)
-    corners = None if reflected is None else surfaces.source_of_corner.numpy()
-    tracer = DirectTracer(mesh, receivers, pattern, order, corners, sources)
-    parts: dict[int, tuple] = {}
-
-    def work(chunk: int) -> None:
-        sums, blocked, rows = tracer.trace(chunk)
-        gathered = None if rows is None else StoredOperator([rows], sources).gather(reflected)
-        parts[chunk] = torch.from_numpy(sums), torch.from_numpy(blocked), gathered
-
-    for _ in run_chunks(work, range(len(tracer.cut)), threads=threads):
-        pass
-    sums, blocked, gathered = zip(*(parts[chunk] for chunk in range(len(tracer.cut))), strict=True)
-    direct, error = direct_transfer(receivers.normals, torch.cat(sums, dim=1), torch.cat(blocked), tracer.rays)
-    transfer = direct.double() if reflected is None else direct.double() + torch.cat(gathered).double()
-    return transfer, error.double()

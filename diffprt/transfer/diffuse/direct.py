@@ -34,6 +34,7 @@ class DirectTracer:
         order: SH bands; 0 for hits alone.
         source_of_corner: int64 [F, 3], see `rows_from_hits`; None when no bounce is wanted.
         sources: number of sources.
+        origins: float32 [V, 3], where rays start, if that is known; see `Receivers.origins`.
     """
 
     def __init__(
@@ -44,12 +45,13 @@ class DirectTracer:
         order: int,
         source_of_corner: np.ndarray | None,
         sources: int,
+        origins: torch.Tensor | None = None,
     ) -> None:
         self.count, self.rays, self.sources = len(receivers), len(pattern.spiral), sources
         self.source_of_corner = source_of_corner
         self.cut = chunk_rows(self.count, self.rays)
         tables = sh.recurrence_tables(order, torch.float32) if order else ()
-        origins = receivers.origins(mesh.ray_offset())
+        origins = receivers.origins(mesh.ray_offset()) if origins is None else origins
         self._tracer = HemisphereTracer(mesh, origins, receivers.normals, pattern, order, tables)
 
     def trace(self, chunk: int) -> tuple[np.ndarray, np.ndarray, OperatorRows | None]:
@@ -75,7 +77,7 @@ def open_transfer(normals: torch.Tensor, order: int) -> torch.Tensor:
 
 
 def direct_transfer(
-    normals: torch.Tensor, sums: torch.Tensor, blocked: torch.Tensor, rays: int
+    normals: torch.Tensor, sums: torch.Tensor, blocked: torch.Tensor, rays: int | torch.Tensor
 ) -> tuple[torch.Tensor, torch.Tensor]:
     """Direct transfer from sums over directions, and the standard error of that estimate.
 
@@ -88,14 +90,16 @@ def direct_transfer(
         normals: [V, 3].
         sums: float32 [2, V, K], over blocked directions, or minus those over open ones.
         blocked: int [V], number of blocked rays.
+        rays: of every receiver, or int64 [V].
 
     Returns:
-        float32 [V, 1, K] each.
+        float32 [V, 1, K] each; the error of a single ray is not known, and NaN.
     """
     order = sh.order_of_count(sums.shape[2])
     even, odd = sums.double()
-    counts = (rays + 1) // 2, rays // 2
+    rays = torch.as_tensor(rays).expand(len(normals))
     start = open_transfer(normals, order) * (2 * blocked <= rays)[:, None]
-    mean = start - math.pi / rays * (even + odd)
-    error = math.pi / 2 * (even / counts[0] - odd / counts[1]).abs() if counts[1] else torch.full_like(even, torch.nan)
+    mean = start - math.pi / rays[:, None].double() * (even + odd)
+    halves = (rays + 1) // 2, torch.where(rays > 1, rays // 2, math.nan)
+    error = math.pi / 2 * (even / halves[0][:, None] - odd / halves[1][:, None]).abs()
     return mean.float()[:, None], error.float()[:, None]

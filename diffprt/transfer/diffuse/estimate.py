@@ -26,7 +26,7 @@ _PRODUCTS_PER_SECOND = 2e9
 # Bytes an entry of the operator takes while rows are gathered.
 _ENTRY_BYTES = 16
 # Products that a solve to convergence mostly takes.
-_PRODUCTS = 12
+PRODUCTS = 12
 
 
 def estimate_diffuse(
@@ -41,7 +41,7 @@ def estimate_diffuse(
     mesh = surfaces.mesh(threads)
     structure_seconds = time.perf_counter() - begun
     pilot_rays = min(settings.rays, _LARGEST_PILOT_PATTERN)
-    pilot = _spread(receivers, max(_PILOT_RAYS // pilot_rays, 16))
+    pilot = spread_receivers(receivers, max(_PILOT_RAYS // pilot_rays, 16))
     sides = Sides.of(pilot)
     pilot = pilot if sides is None else sides.traced
     bounce = settings.reflects
@@ -62,7 +62,7 @@ def estimate_diffuse(
     memory = {name: diffuse_memory(surfaces, receivers, settings, entries, name, threads) for name in OPERATORS[1:]}
     if operator == "auto":
         operator = "stored" if fits(memory["stored"], 0.8) or not bounce else "recompute"
-    products = _PRODUCTS if settings.bounces == CONVERGED else settings.bounces
+    products = PRODUCTS if settings.bounces == CONVERGED else settings.bounces
     traced = 1 + products * (operator == "recompute")
     chunk_rays = max(settings.rays, 1 << 18)
     seconds = structure_seconds + traced * total_rays * per_ray / threads
@@ -99,7 +99,7 @@ def _signal_bytes(surfaces: Surfaces, receivers: Receivers, settings: BakeSettin
     return len(receivers) * channels * settings.order**2 * 4
 
 
-def _spread(receivers: Receivers, count: int) -> Receivers:
+def spread_receivers(receivers: Receivers, count: int) -> Receivers:
     """About `count` receivers, in runs of neighbors as a bake traces them, the runs evenly taken."""
     count = min(count, len(receivers))
     starts = torch.linspace(0, max(len(receivers) - _RUN, 0), -(-count // _RUN)).long()

@@ -12,21 +12,23 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from diffprt.kernels import TriangleMesh, run_chunks
 from diffprt.kernels.hemispheres import HemisphereTracer
+from diffprt.kernels.launch import run_chunks
 from diffprt.surface.operator import BounceOperator, StoredOperator
 from diffprt.surface.receivers import Receivers
 from diffprt.surface.sampling import Pattern
+from diffprt.surface.surfaces import Surfaces
 
-_RAYS = 128
+# Rays of their own, turned by a number of their own: what is inside follows from the scene alone, so that bakes of any
+# rays and any seed agree. Each number of rays sorts receivers out for the next: those that see the open, and those with
+# too small a share of backs. Not all are asked for: a ray along a seam of what encloses a receiver may slip in from the
+# other side.
+_SIEVES = ((2, 0.0), (16, 0.75), (128, 0.95), (256, 0.0))
+_PATTERNS = 0x696E73696465
 _RECEIVERS_PER_LAUNCH = 1024
-# Not all: a ray along a seam of what encloses a receiver may slip in from the other side.
-_BACK_SHARE = 0.95
 
 
-def find_inside(
-    mesh: TriangleMesh, receivers: Receivers, blocked: torch.Tensor, rays: int, scramble: torch.Tensor, threads: int
-) -> torch.Tensor:
+def find_inside(surfaces: Surfaces, receivers: Receivers, threads: int | None = None) -> torch.Tensor:
     """Receivers all of whose rays are blocked, and meet backs of triangles.
 
     One open direction is enough to be outside, so the underside of an open sheet alone encloses nothing; and where
@@ -34,29 +36,42 @@ def find_inside(
     has all its receivers inside.
 
     Args:
-        blocked: int [V], of `rays` rays each.
-        scramble: int64 [V], see `Receivers.scramble`.
+        surfaces: what encloses.
+        receivers: [V], free ones or those of `surfaces`.
+        threads: CPU threads; all that the process may use without it.
 
     Returns:
-        bool [V].
+        bool [V]; the same for any settings of a bake, seed and rays included.
     """
+    mesh = surfaces.mesh(threads)
+    origins, normals = receivers.origins(mesh.ray_offset()), receivers.normals
+    scramble = surfaces.scramble(receivers, _PATTERNS)
+    rows = torch.arange(len(receivers))
+    for rays, backs in _SIEVES:
+        if len(rows) == 0:
+            break
+        tracer = HemisphereTracer(mesh, origins[rows], normals[rows], Pattern.create(rays, scramble[rows]))
+        rows = rows[_enclosed(tracer, len(rows), backs, threads)]
     inside = torch.zeros(len(receivers), dtype=torch.bool)
-    dark = (blocked == rays).nonzero()[:, 0]
-    if len(dark) == 0:
-        return inside
-    origins = receivers.origins(mesh.ray_offset())[dark]
-    tracer = HemisphereTracer(mesh, origins, receivers.normals[dark], Pattern.create(_RAYS, scramble[dark]))
-    backs = torch.zeros(len(dark), dtype=torch.int64)
+    inside[rows] = True
+    return inside
+
+
+def _enclosed(tracer: HemisphereTracer, count: int, backs: float, threads: int | None) -> torch.Tensor:
+    """Which of `count` receivers have all rays blocked, that share of them by backs: bool [count]."""
+    enclosed = torch.zeros(count, dtype=torch.bool)
 
     def work(first: int) -> None:
-        rows = range(first, min(first + _RECEIVERS_PER_LAUNCH, len(dark)))
-        _, face, _, hits = tracer.trace(rows, hits=True)
-        backs[rows.start : rows.stop] = hits.long() - (face >= 0).sum(1)
+        part = range(first, min(first + _RECEIVERS_PER_LAUNCH, count))
+        _, face, _, blocked = tracer.trace(part, hits=backs > 0)
+        shut = blocked == tracer.rays
+        if backs > 0:
+            shut &= blocked - (face >= 0).sum(1) >= backs * tracer.rays
+        enclosed[part.start : part.stop] = shut
 
-    for _ in run_chunks(work, range(0, len(dark), _RECEIVERS_PER_LAUNCH), threads=threads):
+    for _ in run_chunks(work, range(0, count, _RECEIVERS_PER_LAUNCH), threads=threads):
         pass
-    inside[dark] = backs >= _BACK_SHARE * _RAYS
-    return inside
+    return enclosed
 
 
 @dataclass(frozen=True)
@@ -67,11 +82,18 @@ class Fill:
         rows: int64 [B], receivers to fill.
         sources: int64 [U], receivers outside that they are filled from.
         weights: float64 [B, U], each row sums to 1.
+        alike: int64 [B], the same number where rows take the same mean.
     """
 
     rows: torch.Tensor
     sources: torch.Tensor
     weights: StoredOperator
+    alike: torch.Tensor
+
+    @staticmethod
+    def of_surfaces(surfaces: Surfaces, threads: int | None = None) -> Fill | None:
+        """Of the scene's own receivers; None where none can be filled."""
+        return Fill.of(surfaces.receivers, find_inside(surfaces, surfaces.receivers, threads))
 
     @staticmethod
     def of(receivers: Receivers, inside: torch.Tensor) -> Fill | None:
@@ -104,11 +126,43 @@ class Fill:
         rows = np.flatnonzero(inside.numpy() & (reached[group] >= 0))
         if len(rows) == 0:
             return None
-        entries = means[reached[group[rows]]].tocoo()
+        alike = reached[group[rows]]
+        entries = means[alike].tocoo()
         sources, column = np.unique(first[entries.col], return_inverse=True)
         shares = entries.data / np.bincount(entries.row, entries.data)[entries.row]
         weights = sparse.csr_array((shares, (entries.row, column)), shape=(len(rows), len(sources)))
-        return Fill(torch.from_numpy(rows), torch.from_numpy(sources), StoredOperator.of(weights))
+        rows, sources, alike = (torch.from_numpy(part) for part in (rows, sources, alike))
+        return Fill(rows, sources, StoredOperator.of(weights), alike)
+
+    def at(self, pick: torch.Tensor) -> tuple[torch.Tensor, StoredOperator, torch.Tensor]:
+        """What it takes to fill some receivers alone.
+
+        Args:
+            pick: int64 [S], receivers.
+
+        Returns:
+            the receivers that are needed, int64 [N], ascending; how each of `pick` follows from them [S, N]; and a
+            number for each of `pick` that those with the same mean share, int64 [S].
+        """
+        from scipy import sparse
+
+        row = torch.full((int(max(self.rows.max(), pick.max())) + 1,), -1)
+        row[self.rows] = torch.arange(len(self.rows))
+        row = row[pick]
+        hidden = row >= 0
+        matrix = self.weights.matrix
+        parts = (matrix.values().numpy(), matrix.col_indices().numpy(), matrix.crow_indices().numpy())
+        means = sparse.csr_array(parts, shape=tuple(matrix.shape))[row[hidden].numpy()].tocoo()
+        where = [(~hidden).nonzero()[:, 0], hidden.nonzero()[:, 0][torch.from_numpy(means.row).long()]]
+        who = [pick[~hidden], self.sources[torch.from_numpy(means.col).long()]]
+        needed, column = torch.cat(who).unique(return_inverse=True)
+        values = np.concatenate([np.ones(len(who[0])), means.data])
+        at = (torch.cat(where).numpy(), column.numpy())
+        follow = StoredOperator.of(sparse.csr_array((values, at), shape=(len(pick), len(needed))))
+        # Beyond all numbers of receivers, so that what is filled shares none with what is not.
+        alike = pick.clone()
+        alike[hidden] = self.alike[row[hidden]] + int(pick.max()) + 1
+        return needed, follow, alike
 
     def apply(self, signal: torch.Tensor) -> torch.Tensor:
         """`signal` [V, ...] with rows filled; a new tensor, without gradients."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -17,10 +16,13 @@ from diffprt.surface.receivers import Receivers
 from diffprt.surface.sides import Sides
 from diffprt.transfer.baking.estimate import FEW_RAYS, Estimate, check_memory, check_time, fits
 from diffprt.transfer.baking.job import Job, JobOptions
-from diffprt.transfer.baking.sampling_rate import SamplingRate, rays_for_seconds, rays_for_tolerance
+from diffprt.transfer.baking.sampling_rate import SamplingRate, rate_for_tolerance
+from diffprt.transfer.baking.trial import TrialReceivers
 from diffprt.transfer.diffuse.direct import open_transfer
 from diffprt.transfer.diffuse.estimate import diffuse_memory, estimate_diffuse
+from diffprt.transfer.diffuse.inside import Fill, find_inside
 from diffprt.transfer.diffuse.signal import Transfer
+from diffprt.transfer.diffuse.timed import TimedRate, timed_rate
 from diffprt.transfer.diffuse.tracing import Tracing
 from diffprt.transfer.diffuse.transport import Transport, trace_transport
 
@@ -37,6 +39,7 @@ class DiffuseJob(Job):
                 "surfaces are glossy, leave it out"
             )
         self._estimates: dict[bool, Estimate] = {}
+        self._rays: torch.Tensor | None = None
 
     @property
     def shadows(self) -> bool:
@@ -47,14 +50,23 @@ class DiffuseJob(Job):
     @cached_property
     def sampling(self) -> SamplingRate | None:
         """Traced on first use."""
-        asked, options = self._asked, self.options
+        options = self.options
         if not self.shadows:
             return None
         if options.tolerance is not None:
-            return rays_for_tolerance(self.scene, asked, options.tolerance, threads=options.threads)
-        if options.seconds is not None:
-            return rays_for_seconds(self.scene, asked, options.seconds, threads=options.threads)
-        return options.sampling
+            return rate_for_tolerance(self._trials(self._asked), options.tolerance)
+        return options.sampling if self._timed is None else self._timed.sampling
+
+    def _trials(self, settings: BakeSettings) -> TrialReceivers:
+        fill = self._own_hidden[1] if self.options.fill_inside else None
+        return TrialReceivers(self.surfaces, settings, fill, self.threads)
+
+    @cached_property
+    def _timed(self) -> TimedRate | None:
+        """What is to be done in the seconds that are asked for; None where none are."""
+        if self.deadline is None or not self.shadows:
+            return None
+        return timed_rate(self.deadline, self.surfaces, self.options, self._asked, self._trials, self.threads)
 
     @property
     def _asked(self) -> BakeSettings:
@@ -66,6 +78,8 @@ class DiffuseJob(Job):
     def settings(self) -> BakeSettings:
         if not self.shadows:
             return replace(self._asked, bounces=0)
+        if self._timed is not None:
+            return replace(self._asked, rays=self._timed.rays)
         return self._asked if self.sampling is None else replace(self._asked, rays=self.sampling.rays)
 
     def estimate(self) -> Estimate:
@@ -81,7 +95,7 @@ class DiffuseJob(Job):
         key = receivers is None
         if key not in self._estimates:
             traced = self.surfaces.receivers if receivers is None else receivers
-            operator = self.options.operator
+            operator = self.options.operator if self._timed is None else self._timed.operator
             self._estimates[key] = estimate_diffuse(self.surfaces, traced, self.settings, operator, self.threads)
         return self._estimates[key]
 
@@ -89,6 +103,8 @@ class DiffuseJob(Job):
         """ "stored" or "recompute", for a bake that fits; small ones are only estimated if that was asked for."""
         settings, options = self.settings, self.options
         traced = self.surfaces.receivers if receivers is None else receivers
+        if self._timed is not None:
+            return self._timed.operator
         if (receivers is None) not in self._estimates:
             rays = traced.sides * settings.rays
             most = min(3 * rays, traced.sides * len(self.surfaces.receivers)) if settings.reflects else 0
@@ -101,8 +117,7 @@ class DiffuseJob(Job):
         if settings.reflects:
             remedies += ["--operator recompute"] if estimate.operator == "stored" else ["--bounces 0"]
         check_memory(estimate.memory_bytes, remedies)
-        hours = options.hours if options.seconds is None else math.inf
-        check_time(estimate, hours, "bound it with --seconds or fewer --rays")
+        check_time(estimate, options.hours, "bound it with --seconds or fewer --rays")
         return estimate.operator
 
     def trace(
@@ -120,31 +135,55 @@ class DiffuseJob(Job):
         if self.shadows:
             with timed(timings, "estimating"):
                 keep_hits = self._operator(receivers) == "stored"
+                pace = None if self._timed is None else self._timed.pace(receivers)
             with timed(timings, "compiling kernels"):
-                tracing = Tracing(surfaces, traced, settings, scene_hash=self.scene.hash(), keep_hits=keep_hits)
+                tracing = Tracing(
+                    surfaces, traced, settings, scene_hash=self.scene.hash(), keep_hits=keep_hits, pace=pace
+                )
                 tracing.ready(self.threads)
+            with timed(timings, "receivers inside geometry"):
+                inside, fill = self._hidden(receivers)
             transport = trace_transport(
                 tracing,
-                fill_inside=self.options.fill_inside,
+                fill=fill,
                 threads=self.threads,
                 folder=None if checkpoint is None else Path(checkpoint),
                 track=track,
                 report=report,
             )
+            if inside is not None:
+                found = {**transport.findings, "receivers_inside": int(inside.sum())}
+                transport = replace(transport, findings=found)
         else:
             sides = Sides.of(traced)
             direct = open_transfer(traced.normals if sides is None else sides.traced.normals, settings.order)
             direct = direct.float()[:, None]
             direct = direct if sides is None else sides.combined(direct)
             transport = Transport(traced, direct, torch.zeros_like(direct), None, settings, self.scene.hash())
+        self._rays = transport.rays
         report["counts"] |= {
             "threads": self.threads,
             "triangles": len(surfaces.faces),
             "receivers": len(traced),
-            "rays": traced.sides * settings.rays if self.shadows else 0,
+            "rays": transport.rays_traced,
             "operator_entries": transport.operator.entries if transport.operator is not None else 0,
         }
         return transport
+
+    def _hidden(self, receivers: Receivers | None) -> tuple[torch.Tensor | None, Fill | None]:
+        """The given receivers, or the scene's own, that are inside geometry, and how they are filled."""
+        if not self.options.fill_inside or not self.shadows:
+            return None, None
+        if receivers is None:
+            return self._own_hidden
+        inside = find_inside(self.surfaces, receivers, self.threads)
+        return inside, Fill.of(receivers, inside)
+
+    @cached_property
+    def _own_hidden(self) -> tuple[torch.Tensor, Fill | None]:
+        """Found once, for trials and for the bake."""
+        inside = find_inside(self.surfaces, self.surfaces.receivers, self.threads)
+        return inside, Fill.of(self.surfaces.receivers, inside)
 
     def _begun(self, report: dict | None) -> dict:
         """A report with its settings."""
@@ -157,6 +196,11 @@ class DiffuseJob(Job):
     def run(
         self, *, checkpoint: str | Path | None = None, track: Track = untracked, report: dict | None = None
     ) -> Transfer:
+        if checkpoint is not None and self.deadline is not None:
+            raise InputError(
+                f"checkpoint is {checkpoint}, and seconds is {self.deadline.seconds:g}: rays that the clock chose "
+                "cannot be chosen again, give one of them"
+            )
         report = {} if report is None else report
         report |= {"timings": {}, "counts": {}}
         folder = None if checkpoint is None else Path(checkpoint)
@@ -189,12 +233,11 @@ class DiffuseJob(Job):
         """With the plan, and with the error that the sampling stands for."""
         certificate = dict(transfer.certificate)
         if self.sampling is not None:
-            certificate["expected_error"] = self.sampling.expected_error
-            if "noise_relative" in certificate:
-                certificate["estimated_error"] = certificate["noise_relative"] * self.sampling.correction
+            certificate |= self.sampling.promised(certificate, self._rays)
             report["sampling"] = self.sampling.as_dict()
         report["errors"] = certificate
         counts = {"channels": transfer.channels, "bytes": transfer.nbytes, "bounces": transfer.settings["bounces"]}
         report["counts"] |= counts
+        report["settings"] = transfer.settings
         plan = {} if self.options.plan is None else self.options.plan.as_dict()
         return transfer.labeled(replace(transfer.provenance, certificate=certificate, plan=plan))

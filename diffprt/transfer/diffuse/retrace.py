@@ -9,7 +9,7 @@ import torch
 
 from diffprt.kernels import run_chunks
 from diffprt.surface.operator import BounceOperator, OperatorRows, StoredOperator
-from diffprt.transfer.diffuse.direct import DirectTracer
+from diffprt.transfer.diffuse.tracing import Tracers, Tracing
 
 # Rays whose hits are held at a time, over all threads.
 RAYS_PER_BLOCK = 1 << 22
@@ -19,14 +19,15 @@ class RetracedOperator(BounceOperator):
     """G, some receivers at a time: traced, multiplied, dropped. Products equal those of `StoredOperator`.
 
     Args:
-        tracer: traces with hits.
-        order: int64 [receivers], which receiver each row of the tracer is.
+        tracing: whose chunks are traced again.
+        rays: int64 [rows], which it traced.
         threads: CPU threads.
     """
 
-    def __init__(self, tracer: DirectTracer, order: torch.Tensor, threads: int) -> None:
-        self.receivers, self.sources, self.entries = tracer.count, tracer.sources, 0
-        self._tracer, self._order, self._threads = tracer, order, threads
+    def __init__(self, tracing: Tracing, rays: torch.Tensor, threads: int) -> None:
+        self.receivers, self.sources, self.entries = len(tracing.order), len(tracing.surfaces.receivers), 0
+        self._tracing, self._rays, self._threads = tracing, rays, threads
+        self._tracers = Tracers(tracing, 0, hits=True)
 
     def product(self, dense: torch.Tensor) -> torch.Tensor:
         result = dense.new_empty(self.receivers, dense.shape[1])
@@ -45,17 +46,18 @@ class RetracedOperator(BounceOperator):
 
     def _blocks(self) -> Iterator[tuple[torch.Tensor, StoredOperator]]:
         """Some receivers and their rows of G, in order: sums do not depend on which thread is first."""
-        tracer = self._tracer
-        step = max(1, RAYS_PER_BLOCK // (len(tracer.cut[0]) * tracer.rays))
-        for first in range(0, len(tracer.cut), step):
-            chunks = range(first, min(first + step, len(tracer.cut)))
+        cut = self._tracing.cut
+        # Receivers at a time whose hits are held.
+        step = max(1, RAYS_PER_BLOCK // (len(cut[0]) * int(self._rays.max())))
+        for first in range(0, len(cut), step):
+            chunks = range(first, min(first + step, len(cut)))
             parts: dict[int, OperatorRows] = {}
 
             def work(chunk: int, parts: dict[int, OperatorRows] = parts) -> None:
-                parts[chunk] = tracer.trace(chunk)[2]
+                parts[chunk] = self._tracers.rows(chunk, int(self._rays[cut[chunk].start]))
 
             with closing(run_chunks(work, chunks, threads=self._threads)) as running:
                 for _ in running:
                     pass
-            rows = self._order[tracer.cut[chunks[0]].start : tracer.cut[chunks[-1]].stop]
+            rows = self._tracing.order[cut[chunks[0]].start : cut[chunks[-1]].stop]
             yield rows, StoredOperator([parts[chunk] for chunk in chunks], self.sources)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
+import threading
 from collections.abc import Iterator
 from functools import cached_property
+from typing import NamedTuple
 
 import torch
 
@@ -14,9 +17,24 @@ from diffprt.surface.sampling import Pattern
 from diffprt.surface.sides import Sides
 from diffprt.surface.surfaces import Surfaces
 from diffprt.transfer.baking.chunks import Chunk, Pass, Work
+from diffprt.transfer.baking.deadline import Pace, spread
 from diffprt.transfer.diffuse.direct import DirectTracer, chunk_rows
 
-Traced = tuple[torch.Tensor, torch.Tensor, list[OperatorRows]]
+
+class Traced(NamedTuple):
+    """What all chunks found.
+
+    Attributes:
+        sums: float32 [2, rows, K], for `direct_transfer`.
+        blocked: int32 [rows], rays.
+        rays: int64 [rows], all of them.
+        rows: of the bounce operator, chunk by chunk; empty where hits are not kept.
+    """
+
+    sums: torch.Tensor
+    blocked: torch.Tensor
+    rays: torch.Tensor
+    rows: list[OperatorRows]
 
 
 class Tracing(Work[Traced]):
@@ -28,13 +46,15 @@ class Tracing(Work[Traced]):
         settings: order, rays and seed; whether anything reflects.
         scene_hash: of the scene.
         keep_hits: False where the bounce operator is traced again for every product.
+        pace: finds the rays of each chunk where the bake has to end in time.
 
     Attributes:
+        cut: the rows of each chunk.
         sides: fronts and backs of the receivers; None where all are opaque.
         order: int64 [rows], the receiver (or side) that each row is.
     """
 
-    heavy = ("tracer",)
+    heavy = ("tracers",)
 
     def __init__(
         self,
@@ -44,15 +64,18 @@ class Tracing(Work[Traced]):
         *,
         scene_hash: str = "",
         keep_hits: bool = True,
+        pace: Pace | None = None,
     ) -> None:
         self.surfaces, self.receivers, self.settings, self.scene_hash = surfaces, receivers, settings, scene_hash
         self.keeps_hits = keep_hits and settings.reflects
         self.sides = Sides.of(receivers)
         traced = receivers if self.sides is None else self.sides.traced
-        self.order = traced.along_curve()
+        self.order, self.cut, self.pace = traced.along_curve(), chunk_rows(len(traced), settings.rays), pace
+        if pace is not None:
+            self.order, self.cut = _spread(self.order, self.cut)
         self.ordered = traced.reordered(self.order)
         self.scramble = surfaces.scramble(self.ordered, settings.seed)
-        self.passes = (Pass("visibility and transfer", "tracing", chunk_rows(len(traced), settings.rays)),)
+        self.passes = (Pass("visibility and transfer", "tracing", self.cut),)
         self.key = {
             "scene": scene_hash,
             "receivers": traced.hash(),
@@ -62,32 +85,78 @@ class Tracing(Work[Traced]):
         }
 
     @cached_property
-    def tracer(self) -> DirectTracer:
-        """Traces for transfer, and for hits where they are kept."""
-        return self.make_tracer(self.settings.order, self.keeps_hits)
-
-    def make_tracer(self, order: int, hits: bool) -> DirectTracer:
-        """Another tracer of the same rays."""
-        surfaces = self.surfaces
-        corners = surfaces.source_of_corner.numpy() if hits else None
-        pattern = Pattern.create(self.settings.rays, self.scramble)
-        return DirectTracer(surfaces.mesh(), self.ordered, pattern, order, corners, len(surfaces.receivers))
+    def tracers(self) -> Tracers:
+        """Trace for transfer, and for hits where they are kept."""
+        return Tracers(self, self.settings.order, self.keeps_hits)
 
     def ready(self, threads: int) -> None:
         self.surfaces.mesh(threads)
-        _ = self.tracer
+        _ = self.tracers
 
     def chunk(self, number: int, index: int, before: Traced | None) -> Chunk:
-        sums, blocked, rows = self.tracer.trace(index)
+        if self.pace is None:
+            return self._found(index, self.settings.rays)
+        rays = self.pace.begin(index, len(self.cut[index]))
+        found = self._found(index, rays)
+        self.pace.end(index)
+        return found | {"rays": torch.full((len(self.cut[index]),), rays)}
+
+    def _found(self, index: int, rays: int) -> Chunk:
+        sums, blocked, rows = self.tracers.of(rays).trace_rows(self.cut[index])
         found = {"sums": sums, "blocked": blocked}
         if rows is not None:
             found |= {"counts": rows.counts, "columns": rows.columns, "values": rows.values}
         return {name: torch.from_numpy(array) for name, array in found.items()}
 
     def join(self, number: int, chunks: Iterator[Chunk], before: Traced | None) -> Traced:
-        """Sums [2, rows, K] and blocked rays [rows] for `direct_transfer`, and rows of the bounce operator."""
         parts = list(chunks)
         rows = [
             OperatorRows(*(p[name].numpy() for name in ("counts", "columns", "values"))) for p in parts if "counts" in p
         ]
-        return torch.cat([p["sums"] for p in parts], dim=1), torch.cat([p["blocked"] for p in parts]), rows
+        sums, blocked = torch.cat([p["sums"] for p in parts], dim=1), torch.cat([p["blocked"] for p in parts])
+        given = torch.tensor([self.settings.rays]).expand(len(blocked))
+        return Traced(sums, blocked, torch.cat([p["rays"] for p in parts]) if self.pace is not None else given, rows)
+
+
+class Tracers:
+    """A tracer for each number of rays, of all rows of a pass.
+
+    Attributes:
+        work: whose rows they are.
+        order: SH bands; 0 for hits alone.
+    """
+
+    def __init__(self, work: Tracing, order: int, hits: bool) -> None:
+        self.work, self.order, self._hits = work, order, hits
+        self._origins = work.ordered.origins(work.surfaces.mesh().ray_offset())
+        self._made: dict[int, DirectTracer] = {}
+        self._lock = threading.Lock()
+
+    def of(self, rays: int) -> DirectTracer:
+        """The tracer of so many rays, made on first use; the one before it may be in use on another thread."""
+        with self._lock:
+            if rays not in self._made:
+                self._made = dict(list(self._made.items())[-1:])
+                self._made[rays] = self._tracer(rays)
+            return self._made[rays]
+
+    def _tracer(self, rays: int) -> DirectTracer:
+        surfaces = self.work.surfaces
+        corners = surfaces.source_of_corner.numpy() if self._hits else None
+        pattern = Pattern.create(rays, self.work.scramble)
+        sources = len(surfaces.receivers)
+        return DirectTracer(
+            surfaces.mesh(), self.work.ordered, pattern, self.order, corners, sources, origins=self._origins
+        )
+
+    def rows(self, chunk: int, rays: int) -> OperatorRows:
+        """Rows of G of a chunk."""
+        return self.of(rays).trace_rows(self.work.cut[chunk])[2]
+
+
+def _spread(order: torch.Tensor, cut: list[range]) -> tuple[torch.Tensor, list[range]]:
+    """The same chunks in an order of which any first ones lie all over the scene."""
+    chosen = [cut[chunk] for chunk in spread(len(cut))]
+    stops = list(itertools.accumulate(len(rows) for rows in chosen))
+    placed = [range(stop - len(rows), stop) for stop, rows in zip(stops, chosen, strict=True)]
+    return torch.cat([order[rows.start : rows.stop] for rows in chosen]), placed

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +18,7 @@ from diffprt.surface.receivers import Receivers
 from diffprt.transfer.baking.chunks import run_passes
 from diffprt.transfer.diffuse.convergence import converge
 from diffprt.transfer.diffuse.direct import direct_transfer
-from diffprt.transfer.diffuse.inside import Fill, FilledOperator, find_inside
+from diffprt.transfer.diffuse.inside import Fill, FilledOperator
 from diffprt.transfer.diffuse.interreflection import interreflect
 from diffprt.transfer.diffuse.openness import bent_normals, openness
 from diffprt.transfer.diffuse.retrace import RetracedOperator
@@ -39,6 +39,7 @@ class Transport:
         settings: what it was traced with.
         scene_hash: of the scene.
         findings: what tracing adds to the certificate.
+        rays: int64 [sides], traced from each; None where nothing was traced.
     """
 
     receivers: Receivers
@@ -48,6 +49,12 @@ class Transport:
     settings: BakeSettings
     scene_hash: str
     findings: dict = field(default_factory=dict)
+    rays: torch.Tensor | None = None
+
+    @property
+    def rays_traced(self) -> int:
+        """From all receivers."""
+        return 0 if self.rays is None else int(self.rays.sum())
 
     def transfer(
         self, bounces: int | str | None = None, *, albedo: torch.Tensor | None = None, channels: int | None = None
@@ -111,7 +118,7 @@ class Transport:
 def trace_transport(
     tracing: Tracing,
     *,
-    fill_inside: bool = True,
+    fill: Fill | None = None,
     threads: int | None = None,
     folder: Path | None = None,
     track: Track = untracked,
@@ -120,7 +127,7 @@ def trace_transport(
     """Traces receivers in resumable chunks.
 
     Args:
-        fill_inside: see `diffprt.transfer.diffuse.inside`.
+        fill: which receivers are filled from others; None for none.
         threads: CPU threads; all that the process may use without it.
         folder: where finished chunks live; None keeps them in memory.
         report: its "timings" and "counts" are added to.
@@ -132,31 +139,28 @@ def trace_transport(
     receivers, settings, sides, order = tracing.receivers, tracing.settings, tracing.sides, tracing.order
     report = {} if report is None else report
     threads = threads or default_threads()
-    sums, blocked, rows = run_passes(tracing, threads=threads, folder=folder, track=track, report=report)
+    traced = run_passes(tracing, threads=threads, folder=folder, track=track, report=report)
     with timed(report["timings"], "gathering chunks"):
         place = order.argsort()
-        direct = direct_transfer(tracing.ordered.normals, sums, blocked, settings.rays)
+        direct = direct_transfer(tracing.ordered.normals, traced.sums, traced.blocked, traced.rays)
         direct, error = (part[place] for part in direct)
         operator: BounceOperator | None = None
         if tracing.keeps_hits:
-            operator = StoredOperator(rows, len(tracing.surfaces.receivers), order)
+            operator = StoredOperator(traced.rows, len(tracing.surfaces.receivers), order)
         elif settings.reflects:
-            operator = RetracedOperator(tracing.make_tracer(0, hits=True), order, threads)
+            operator = RetracedOperator(tracing, traced.rays, threads)
         if sides is not None:
             direct, error = sides.combined(direct), sides.combined_error(error)
             operator = SheetOperator(operator, sides) if operator is not None else None
+    if fill is not None:
+        direct, error = fill.apply(direct), fill.apply(error)
+        operator = FilledOperator(operator, fill) if operator is not None else None
     findings = {}
-    if fill_inside:
-        with timed(report["timings"], "receivers inside geometry"):
-            own = place[: len(receivers)]
-            mesh, scramble = tracing.surfaces.mesh(), tracing.scramble[own]
-            inside = find_inside(mesh, receivers, blocked[own], settings.rays, scramble, threads)
-            findings["receivers_inside"] = int(inside.sum())
-            fill = Fill.of(receivers, inside)
-        if fill is not None:
-            direct, error = fill.apply(direct), fill.apply(error)
-            operator = FilledOperator(operator, fill) if operator is not None else None
-    return Transport(receivers, direct, error, operator, settings, tracing.scene_hash, findings)
+    fewest, most = int(traced.rays.min()), int(traced.rays.max())
+    if fewest < most:
+        findings = {"rays_fewest": fewest, "rays_mean": float(traced.rays.double().mean()), "rays_most": most}
+    settings = replace(settings, rays=fewest)
+    return Transport(receivers, direct, error, operator, settings, tracing.scene_hash, findings, traced.rays)
 
 
 def _certificate(signal: torch.Tensor, error: torch.Tensor) -> dict:
