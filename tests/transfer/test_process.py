@@ -62,8 +62,14 @@ def test_killed_bake_resumes_to_the_same_bytes(tmp_path, how, capsys):
     if how == signal.SIGINT:
         assert process.returncode == 130
         assert message.startswith("diffprt: interrupted:") and len(message.splitlines()) == 1, message
-    done = len(list(parts.glob("*.safetensors")))
+    first, *others = sorted(parts.glob("*.safetensors"))
+    done, damaged = len(others) + 1, 0
     assert done >= 4
+    if how == signal.SIGKILL:
+        content = bytearray(first.read_bytes())
+        content[len(content) // 2] ^= 1
+        first.write_bytes(content)
+        done, damaged = done - 1, 1
     report = tmp_path / "report.json"
     run = subprocess.run([*command, "-o", str(target), "--json", str(report)], capture_output=True, text=True)
     assert run.returncode == 0, run.stderr
@@ -73,6 +79,8 @@ def test_killed_bake_resumes_to_the_same_bytes(tmp_path, how, capsys):
     assert counts["resumed_chunks"] == done
     assert counts["recomputed_in_flight"] <= os.cpu_count()
     assert f"resumed: {done} of {counts['chunks']} chunks" in run.stdout
+    said = f"note: 1 of {counts['chunks']} chunks in {parts} were damaged or not of this bake, and were traced again"
+    assert counts["damaged_chunks"] == damaged == run.stdout.count(said)
     assert {path.name for path in tmp_path.iterdir()} == {"killed.prt", "report.json"}
     whole = bake(builtin_scene("bunny"), order=3, rays=512, bounces=1)
     asset.save(whole, tmp_path / "whole.prt")
