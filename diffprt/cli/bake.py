@@ -79,12 +79,13 @@ def run(
         for line in decided.lines():
             print(line)
     job = prepare(scene, plan=decided, begun=process_begun(), **vars(options))
+    if not dry_run:
+        check_output(output)
     with status("trying a few rays"):
         estimate = job.estimate()
     if dry_run:
         _print_estimate(source, job, json_file)
         return
-    check_output(output)
     parts, report = output.with_name(output.name + ".parts"), {}
     # A bake that was asked to end in some seconds is not worth resuming, and its rays depend on the clock.
     asset = job.run(checkpoint=parts if options.seconds is None else None, track=track, report=report)
@@ -95,6 +96,11 @@ def run(
         print(
             f"resumed: {counts['resumed_chunks']} of {counts['chunks']} chunks were done, "
             f"{counts['recomputed_in_flight']} in flight were recomputed"
+        )
+    if counts.get("damaged_chunks"):
+        print(
+            f"note: {counts['damaged_chunks']} of {counts['chunks']} chunks in {parts} were damaged or not of this "
+            "bake, and were traced again"
         )
     if errors.get("receivers_inside"):
         print(f"note: {errors['receivers_inside']:,} receivers lie inside geometry" + ", filled" * options.fill_inside)

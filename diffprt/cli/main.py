@@ -8,6 +8,7 @@ import sys
 import typer
 
 import diffprt
+from diffprt.cli.held import let_go
 from diffprt.cli.lazy import fail, lazy_group
 from diffprt.errors import InputError
 
@@ -47,6 +48,8 @@ def main(arguments: list[str] | None = None) -> None:
         if not _is_usage_error(error):
             raise
         fail(f"{_offending(error, arguments)}{error.format_message()} (see 'diffprt --help')", 2)  # pyright: ignore[reportAttributeAccessIssue]
+    finally:
+        let_go()
     sys.exit(status if isinstance(status, int) else 0)
 
 

@@ -44,7 +44,7 @@ def run(
     with status("reading references"):
         pictures = load_references(references)
     report: dict = {}
-    checkpoint = checkpoint or output.with_name(f"{output.name}.checkpoint")
+    checkpoint = check_output(checkpoint or output.with_name(f"{output.name}.checkpoint"), hold=False)
     names = None if parameters is None else [name.strip() for name in parameters.split(",")]
     result = optimize(
         asset,

@@ -11,6 +11,7 @@ import torch
 
 from diffprt.compression.prior import check_prior
 from diffprt.errors import InputError
+from diffprt.lock import lock_file, locked
 from diffprt.optimization.formats import encoded, fit_to_bytes
 from diffprt.optimization.image_norm import ImageNorm
 from diffprt.optimization.losses import parse_loss
@@ -91,8 +92,8 @@ def optimize(
         training did not lower it. Clusters are unchanged unless "labels" is trained; then with no higher overdraw.
 
     Raises:
-        InputError: references of another scene, size or light order, pixels that are not finite, black pictures, or
-            an option out of range.
+        InputError: references of another scene, size or light order, pixels that are not finite, black pictures, an
+            option out of range, or a checkpoint that is damaged, of another run, or in use by one.
         Interrupted: on Ctrl-C, once the checkpoint is written.
     """
     if not 0 < learning_rate <= _LARGEST_RATE:
@@ -164,7 +165,7 @@ def optimize(
         tensors = [leaf.detach() for leaf in trained.leaves.values()]
         tensors += [tensor for entry in references for tensor in (entry.image, entry.light)]
         run_key = fingerprint(tensors + ([] if transfer_loss is None else [transfer_loss.target]), settings)
-    with _progress(track, schedule) as advance:
+    with _held(checkpoint), _progress(track, schedule) as advance:
         run = train(
             trained.leaves,
             trained.rates,
@@ -239,6 +240,11 @@ def _report(run: Run, outcome: Outcome, settings: dict, pictures: Pictures) -> d
         "history": run.history,
         "notes": notes,
     }
+
+
+def _held(checkpoint: Path | None) -> AbstractContextManager[object]:
+    """A checkpoint is one run's alone."""
+    return nullcontext() if checkpoint is None else locked(checkpoint, lock_file(checkpoint))
 
 
 def _progress(track: Track | None, schedule: Schedule) -> AbstractContextManager[Callable[[], None]]:

@@ -2,7 +2,7 @@ from .baking.bake import bake as bake
 from .baking.bake import bake_glossy as bake_glossy
 from .baking.bake import prepare as prepare
 from .baking.bake import trace as trace
-from .baking.chunks import discard_chunks as discard_chunks
+from .baking.chunk_store import discard_chunks as discard_chunks
 from .baking.estimate import Estimate as Estimate
 from .baking.estimate import available_memory as available_memory
 from .baking.job import Job as Job

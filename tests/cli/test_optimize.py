@@ -1,6 +1,9 @@
 """`diffprt render --reference-set` and `diffprt optimize`, as their users type them."""
 
 import json
+import random
+import signal
+from contextlib import contextmanager
 
 import pytest
 
@@ -8,7 +11,8 @@ from diffprt.cli import main
 from diffprt.cli.parsing import parse_bytes
 from diffprt.compression import compress
 from diffprt.errors import InputError
-from diffprt.optimization import load_references
+from diffprt.lock import lock_file, locked
+from diffprt.optimization import load_references, optimize
 from diffprt.representation.files import load, save
 
 
@@ -82,3 +86,36 @@ def test_bytes_are_read(text, count):
 def test_bad_bytes_are_named(text):
     with pytest.raises(InputError, match="give a size"):
         parse_bytes(text)
+
+
+def test_a_harmed_checkpoint_is_refused_in_one_line(folder, tmp_path, capsys):
+    """Hard case 45: whatever bit was flipped, and wherever it was cut; the file stays."""
+    kept = tmp_path / "kept"
+    asset, views = load(folder / "small.prt"), load_references(folder / "views")
+
+    @contextmanager
+    def stop(text, total, done=0):
+        yield lambda: signal.raise_signal(signal.SIGINT)
+
+    with pytest.raises(KeyboardInterrupt):
+        optimize(asset, views, steps=3, checkpoint=kept, track=stop)
+    whole, where = kept.read_bytes(), random.Random(0)
+    given = ("--references", folder / "views", "--steps", 3, "--checkpoint", kept, "--resume", "-o", tmp_path / "o.prt")
+    harmed = [whole[:size] for size in (0, 7, 100, len(whole) - 1)] + [whole + b" ", b"[" * 1000]
+    for end in (60, 200, len(whole)):
+        content = bytearray(whole)
+        content[where.randrange(end)] ^= 1 << where.randrange(8)
+        harmed.append(bytes(content))
+    for content in harmed:
+        kept.write_bytes(content)
+        assert run("optimize", folder / "small.prt", *given) == 2
+        said = capsys.readouterr().err
+        assert f"checkpoint {kept} is damaged or not one: delete it" in said and said.count("\n") == 1
+        assert kept.read_bytes() == content
+    kept.write_bytes(whole)
+    for held in (kept, tmp_path / "o.prt"):
+        with locked(held, lock_file(held)):
+            assert run("optimize", folder / "small.prt", *given) == 2
+        assert f"{held} is being written by another run" in capsys.readouterr().err
+    assert run("optimize", folder / "small.prt", *given) == 0
+    assert [path.name for path in tmp_path.iterdir()] == ["o.prt"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import math
+import mimetypes
 import os
 import shutil
 from contextlib import contextmanager
@@ -17,6 +18,7 @@ import torch
 from diffprt import sh
 from diffprt.brdf import ModifiedPhong
 from diffprt.compression import ClusteredGlossyTransfer, ClusteredTransfer, compress
+from diffprt.exporters import export_glb, write_three
 from diffprt.representation import Provenance
 from diffprt.scene import Light, Scene
 from diffprt.surface import Receivers
@@ -175,6 +177,39 @@ def node_modules() -> NodeModules:
         required = os.environ.get("DIFFPRT_REQUIRE_BROWSER") == "1"
         (pytest.fail if required else pytest.skip)("no node packages: npm ci --prefix tests/exporters")
     return folder
+
+
+@pytest.fixture
+def three_page(browser, node_modules, tmp_path):
+    """three_page(asset, change=) -> the example page in a tab, from a server that is made of routes; `change(path)` may
+    rewrite the .glb first."""
+    context = browser.new_context(viewport={"width": 320, "height": 240})
+    complaints = []
+
+    def start(asset, change=lambda path: None, **options):
+        export_glb(asset, tmp_path / "scene.glb", **options)
+        change(tmp_path / "scene.glb")
+        write_three(tmp_path)
+        tab = context.new_page()
+        tab.on("console", lambda message: message.type in ("error", "warning") and complaints.append(message.text))
+        tab.on("pageerror", lambda error: complaints.append(str(error)))
+
+        def answer(route):
+            name = route.request.url.removeprefix("http://localhost/")
+            inside = name.removeprefix("node_modules/")
+            path = node_modules / inside if inside != name else tmp_path / name
+            kind = mimetypes.guess_type(path.name)[0] or "application/octet-stream"
+            route.fulfill(body=path.read_bytes() if path.is_file() else b"", content_type=kind)
+
+        tab.route("http://localhost/**", answer)
+        tab.goto("http://localhost/example.html")
+        tab.wait_for_function("() => window.mesh", timeout=15000)
+        return tab
+
+    yield start
+    context.close()
+    # Software rendering says of reading pixels that it waits.
+    assert not [text for text in complaints if "ReadPixels" not in text], complaints
 
 
 @pytest.fixture

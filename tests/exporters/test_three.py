@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import mimetypes
-
 import numpy as np
 import pytest
 import torch
 from PIL import Image
 
-from diffprt.exporters import ENGINES, export_glb, to_engine, write_three
+from diffprt.exporters import ENGINES, to_engine
 from diffprt.rendering import auto_exposure, render
 from diffprt.scene import Camera
 from diffprt.shading import tone_map
@@ -37,37 +35,6 @@ DRAW = """([light, eye, target, fov, size, exposure]) => {
   renderer.setRenderTarget(null);
   return Array.from(pixels);
 }"""
-
-
-@pytest.fixture
-def three_page(browser, node_modules, tmp_path):
-    """three_page(asset) -> the example page in a tab, from a server that is made of routes."""
-    context = browser.new_context(viewport={"width": 320, "height": 240})
-    complaints = []
-
-    def start(asset, **options):
-        export_glb(asset, tmp_path / "scene.glb", **options)
-        write_three(tmp_path)
-        tab = context.new_page()
-        tab.on("console", lambda message: message.type in ("error", "warning") and complaints.append(message.text))
-        tab.on("pageerror", lambda error: complaints.append(str(error)))
-
-        def answer(route):
-            name = route.request.url.removeprefix("http://localhost/")
-            inside = name.removeprefix("node_modules/")
-            path = node_modules / inside if inside != name else tmp_path / name
-            kind = mimetypes.guess_type(path.name)[0] or "application/octet-stream"
-            route.fulfill(body=path.read_bytes() if path.is_file() else b"", content_type=kind)
-
-        tab.route("http://localhost/**", answer)
-        tab.goto("http://localhost/example.html")
-        tab.wait_for_function("() => window.mesh", timeout=15000)
-        return tab
-
-    yield start
-    context.close()
-    # Software rendering says of reading pixels that it waits.
-    assert not [text for text in complaints if "ReadPixels" not in text], complaints
 
 
 def draw(tab, light: torch.Tensor, exposure: float) -> tuple[np.ndarray, np.ndarray]:

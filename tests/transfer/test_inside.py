@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import torch
-from tolerances import FLOAT32, FLOAT64, relative_error
+from tolerances import FLOAT64, relative_error
 from trimesh.creation import box, icosphere
 
 from diffprt.scene import Material, Mesh, Scene, builtin_scene

@@ -9,6 +9,7 @@ import time
 import pytest
 import torch
 
+from diffprt.cli import main
 from diffprt.errors import InputError, Interrupted
 from diffprt.options.bake import BakeSettings
 from diffprt.representation import files as asset
@@ -30,8 +31,9 @@ def test_any_thread_count_gives_the_same_bytes(bumpy, tmp_path):
 
 
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
-def test_killed_bake_resumes_to_the_same_bytes(tmp_path, how):
-    """Hard case 30: killed at some moment; what was in flight is recomputed, and counted."""
+def test_killed_bake_resumes_to_the_same_bytes(tmp_path, how, capsys):
+    """Hard cases 30 and 45: killed at some moment; what was in flight is recomputed, and counted. A second run on the
+    same output is refused while the first lives, and its lock dies with it."""
     # One thread and many chunks: what is left when four are done takes far longer than a signal.
     options = ["--order", "3", "--rays", "512", "--bounces", "1", "--threads", "1"]
     command = [sys.executable, "-m", "diffprt", "bake", "builtin:bunny", *options]
@@ -47,14 +49,27 @@ def test_killed_bake_resumes_to_the_same_bytes(tmp_path, how):
     deadline = time.monotonic() + 120
     while len(list(parts.glob("*.safetensors"))) < 4 and process.poll() is None and time.monotonic() < deadline:
         time.sleep(0.02)
+    if how == signal.SIGKILL:
+        process.send_signal(signal.SIGSTOP)
+        with pytest.raises(SystemExit) as refused:
+            main([*command[3:], "-o", str(target)])
+        assert refused.value.code == 2
+        line = f"{target} is being written by another run (process {process.pid}): wait until that has ended"
+        assert line in (said := capsys.readouterr().err) and said.count("\n") == 1
     process.send_signal(how)
     _, message = process.communicate(timeout=60)
     assert process.returncode not in (0, None) and not target.exists()
     if how == signal.SIGINT:
         assert process.returncode == 130
         assert message.startswith("diffprt: interrupted:") and len(message.splitlines()) == 1, message
-    done = len(list(parts.glob("*.safetensors")))
+    first, *others = sorted(parts.glob("*.safetensors"))
+    done, damaged = len(others) + 1, 0
     assert done >= 4
+    if how == signal.SIGKILL:
+        content = bytearray(first.read_bytes())
+        content[len(content) // 2] ^= 1
+        first.write_bytes(content)
+        done, damaged = done - 1, 1
     report = tmp_path / "report.json"
     run = subprocess.run([*command, "-o", str(target), "--json", str(report)], capture_output=True, text=True)
     assert run.returncode == 0, run.stderr
@@ -64,7 +79,9 @@ def test_killed_bake_resumes_to_the_same_bytes(tmp_path, how):
     assert counts["resumed_chunks"] == done
     assert counts["recomputed_in_flight"] <= os.cpu_count()
     assert f"resumed: {done} of {counts['chunks']} chunks" in run.stdout
-    assert not parts.exists()
+    said = f"note: 1 of {counts['chunks']} chunks in {parts} were damaged or not of this bake, and were traced again"
+    assert counts["damaged_chunks"] == damaged == run.stdout.count(said)
+    assert {path.name for path in tmp_path.iterdir()} == {"killed.prt", "report.json"}
     whole = bake(builtin_scene("bunny"), order=3, rays=512, bounces=1)
     asset.save(whole, tmp_path / "whole.prt")
     assert target.read_bytes() == (tmp_path / "whole.prt").read_bytes()

@@ -12,12 +12,18 @@ from diffprt.whole_file import make_folder, write_whole
 
 _PROGRAMS = ("diffuse", "clustered_diffuse", "glossy_exit", "clustered_glossy_exit", "glossy")
 
+# What one file of all has no use for: imports of each other, and of three where another has it; exports.
+_OURS = r'^import [^;]*"\./[^;]*;\n'
+_EXPORT_OR_THREE = r'^import [^;]*"three";\n|^export '
+
 
 def three_module() -> str:
     """`prt.three.js`: one file that imports three alone, with `loadPRT(url)` and `PRTMesh`; see `three/prt.js`."""
-    module = (files("diffprt.exporters.gltf") / "three" / "prt.js").read_text(encoding="utf-8")
-    dots = (files("diffprt.exporters.web") / "page" / "cluster_light.js").read_text(encoding="utf-8")
-    dots = dots.replace("export function", "function")
+    own = [files("diffprt.exporters.gltf") / "three" / name for name in ("prt.js", "kinds.js", "tables.js")]
+    page = [files("diffprt.exporters.web") / "page" / name for name in ("cluster_light.js", "sh.js")]
+    texts = (file.read_text(encoding="utf-8") for file in own + page)
+    first, *others = (re.sub(_OURS, "", text, flags=re.MULTILINE) for text in texts)
+    others = (re.sub(_EXPORT_OR_THREE, "", text, flags=re.MULTILINE) for text in others)
     # three writes the version itself.
     shaders = {
         f"{name}.{stage[:4]}": shader_source(name, stage, "glsl-es").partition("\n")[2]
@@ -25,14 +31,13 @@ def three_module() -> str:
         for stage in STAGES
     }
     literals = ",\n".join(f"  {json.dumps(name)}: `{_quoted(text)}`" for name, text in shaders.items())
-    own = re.sub(r'^import [^;]*"\./[^;]*;\n', "", module, flags=re.MULTILINE)
-    return f"{own}\n{dots}\nconst SHADERS = {{\n{literals},\n}};\n"
+    return "\n".join([first, *others, f"const SHADERS = {{\n{literals},\n}};\n"])
 
 
 def three_kinds() -> list[str]:
-    """What the module draws, by the `kind` of `Packed`, as `three/prt.js` lists them."""
-    module = (files("diffprt.exporters.gltf") / "three" / "prt.js").read_text(encoding="utf-8")
-    listed = re.search(r"^const KINDS = \{ (.*) \};$", module, flags=re.MULTILINE)
+    """What the module draws, by the `kind` of `Packed`, as `three/kinds.js` lists them."""
+    module = (files("diffprt.exporters.gltf") / "three" / "kinds.js").read_text(encoding="utf-8")
+    listed = re.search(r"^export const KINDS = \{ (.*) \};$", module, flags=re.MULTILINE)
     assert listed is not None
     return [entry.partition(":")[0] for entry in listed[1].split(", ")]
 

@@ -1,4 +1,4 @@
-"""A run's state on disk: one file that appears whole or not at all."""
+"""A run's state on disk: one file that appears whole or not at all, and is read only if it is as it was written."""
 
 from __future__ import annotations
 
@@ -6,15 +6,13 @@ import hashlib
 import json
 from pathlib import Path
 
-import safetensors
-import safetensors.torch
 import torch
 
 from diffprt.errors import InputError
+from diffprt.sealed_tensors import DamagedError, read_sealed, seal, unsealed
 from diffprt.whole_file import write_whole
 
-_KEY = "diffprt optimize"
-_VERSION = 1
+_VERSION = 2
 
 
 def fingerprint(tensors: list[torch.Tensor], settings: dict) -> str:
@@ -35,9 +33,7 @@ def write_checkpoint(path: Path, run: str, tensors: dict[str, torch.Tensor], pro
     Raises:
         InputError: the file cannot be written.
     """
-    header = json.dumps({"version": _VERSION, "run": run, "progress": progress}, sort_keys=True)
-    data = safetensors.torch.save({name: t.contiguous() for name, t in tensors.items()}, metadata={_KEY: header})
-    write_whole(path, data, "checkpoint")
+    write_whole(path, seal(tensors, _owner(run), json.dumps(progress, sort_keys=True)), "checkpoint")
 
 
 def read_checkpoint(path: Path, run: str) -> tuple[dict[str, torch.Tensor], dict]:
@@ -49,15 +45,16 @@ def read_checkpoint(path: Path, run: str) -> tuple[dict[str, torch.Tensor], dict
     if not path.is_file():
         raise InputError(f"checkpoint {path} does not exist: leave resume out to start anew")
     try:
-        with safetensors.safe_open(path, framework="pt") as file:
-            header = json.loads((file.metadata() or {})[_KEY])
-            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-        version, found, progress = header["version"], header["run"], header["progress"]
-    except (safetensors.SafetensorError, OSError, ValueError, KeyError, TypeError) as error:
+        owner, progress, content = read_sealed(path)
+    except DamagedError as error:
         raise InputError(f"checkpoint {path} is damaged or not one: delete it and start anew") from error
-    if version != _VERSION or found != run:
+    if owner != _owner(run):
         raise InputError(
             f"checkpoint {path} is of a run with another asset, references or settings: repeat that command, or "
             "delete the file"
         )
-    return tensors, progress
+    return unsealed(content), json.loads(progress)
+
+
+def _owner(run: str) -> str:
+    return f"optimize/{_VERSION}/{run}"
