@@ -74,7 +74,7 @@ def _run(arguments: list[str]) -> None:
 
 def _reports_to_stdout(arguments: Sequence[str]) -> bool:
     """Whether `--json -` is among the arguments, before they are parsed: what follows is kept off standard output."""
-    pairs = zip(arguments, [*arguments[1:], ""], strict=True)
+    pairs = zip(arguments, [*arguments[1:], ""][: len(arguments)], strict=True)
     return any(pair == ("--json", "-") or pair[0] == "--json=-" for pair in pairs)
 
 

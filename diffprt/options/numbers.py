@@ -20,6 +20,7 @@ class Range:
         wanted: what to give instead, in words.
         above, below: whether `low` and `high` themselves are left out.
         whole: whether only whole numbers are in it.
+        said: the message about a `value` of option `name`.
     """
 
     low: float
@@ -28,6 +29,7 @@ class Range:
     above: bool = False
     below: bool = False
     whole: bool = False
+    said: str = "{name} is {value}: give {wanted}"
 
     def holds(self, value: Real) -> bool:
         """Whether a number is in it."""
@@ -55,7 +57,7 @@ def _positive(high: float, what: str) -> Range:
 
 _COUNT = whole(1, 100_000, 24)
 _SIDE = whole(1, 16384, 512)
-_BANDS = whole(1, 10, 6)
+_BANDS = Range(1, 10, "1 to 10", whole=True, said="order {value} is outside 1..10: give {name}=1 to {name}=10")
 _RAYS = whole(1, 1 << 20, 1024)
 _ROUNDS = whole(1, 10_000, 5)
 _SHARE = _positive(1, "a share between 0 and 1, such as 0.01")
@@ -73,7 +75,7 @@ NUMBERS: dict[str, Range] = {
     "channels": whole(1, 3, "1 or 3"),
     "clusters": whole(1, 65536, 64),
     "coherence": _WEIGHT,
-    "components": whole(1, 4096, 8),
+    "components": whole(0, 4096, 8),
     "count": _COUNT,
     "elevation": _degrees("15"),
     "exposure": _positive(1e30, "a positive factor, such as 1"),
@@ -87,7 +89,7 @@ NUMBERS: dict[str, Range] = {
     "learning_rate": _positive(1, "a number above 0 and at most 1, such as 0.05"),
     "light_azimuth": _degrees("90"),
     "minutes": Range(0, 1e6, "0 or more, such as 30"),
-    "noise": _SHARE,
+    "noise": _positive(1, "a positive share, such as 0.01"),
     "order": _BANDS,
     "order_out": _BANDS,
     "per_pass": whole(1, 1 << 20, 8),
@@ -119,11 +121,12 @@ NUMBERS: dict[str, Range] = {
 }
 
 
-def check_numbers(given: Mapping[str, object], ranges: Mapping[str, Range] = NUMBERS) -> None:
+def check_numbers(given: Mapping[str, object], *, absurd: bool = False) -> None:
     """Refuses numbers outside their ranges; what is no number, or has no range, is left to others.
 
     Args:
         given: values by name, numbers or sequences of them among others.
+        absurd: only refuses what is not finite or too large; what is too small is left to others.
 
     Raises:
         InputError: a number is NaN, infinite, or out of range.
@@ -131,9 +134,11 @@ def check_numbers(given: Mapping[str, object], ranges: Mapping[str, Range] = NUM
     for name, value in given.items():
         one = [value] if isinstance(value, Real) else value if isinstance(value, list | tuple) else []
         for number in one:
-            known = ranges.get(name)
-            if known and isinstance(number, Real) and not isinstance(number, bool) and not known.holds(number):
-                raise InputError(f"{name} is {number_text(number)}: give {known.wanted}")
+            known = NUMBERS.get(name)
+            if known is None or isinstance(number, bool) or not isinstance(number, Real) or known.holds(number):
+                continue
+            if not absurd or not number <= known.high:
+                raise InputError(known.said.format(name=name, value=number_text(number), wanted=known.wanted))
 
 
 def number_text(value: Real) -> str:

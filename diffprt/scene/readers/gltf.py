@@ -7,10 +7,14 @@ import struct
 from pathlib import Path
 
 import numpy as np
+import torch
+from PIL import Image
 from trimesh.exchange.gltf import load_glb, load_gltf
 from trimesh.resolvers import FilePathResolver
 
+from diffprt.errors import InputError
 from diffprt.scene.material import Material
+from diffprt.scene.readers.gltf_files import check_buffers, texture_of
 from diffprt.scene.readers.parts import Part, Parts, texture_from_picture
 
 # Primitive modes that trimesh reads: points, lines, triangles, strips.
@@ -25,6 +29,7 @@ def read_gltf(path: Path) -> Parts:
     albedo. Skins, morph targets and texture transforms are left out.
     """
     header = _header(path)
+    check_buffers(path, header)
     with path.open("rb") as file:
         loader = load_glb if path.suffix.lower() == ".glb" else load_gltf
         loaded = loader(file, resolver=FilePathResolver(str(path)))
@@ -39,9 +44,15 @@ def read_gltf(path: Path) -> Parts:
         picture = getattr(getattr(visual, "material", None), "baseColorTexture", None)
         if picture is not None:
             pictures.setdefault(primitive.get("material"), picture)
+    used = {primitive.get("material") for primitive in primitives}
     for index, described in enumerate(header.get("materials", [])):
         factor = described.get("pbrMetallicRoughness", {}).get("baseColorFactor", [1.0, 1.0, 1.0])[:3]
-        texture = texture_from_picture(pictures[index]) if index in pictures else None
+        texture = None
+        if index in used and (named := texture_of(path, header, described, result.notes)) is not None:
+            if index in pictures:
+                texture = _texture(pictures[index], named)
+            else:
+                result.notes.append(f"{named} cannot be read: its factor is used")
         through = described.get("extensions", {}).get("KHR_materials_diffuse_transmission", {})
         if "diffuseTransmissionTexture" in through or "diffuseTransmissionColorTexture" in through:
             result.notes.append(f"material {index} has textures of diffuse transmission: left out")
@@ -70,6 +81,14 @@ def read_gltf(path: Path) -> Parts:
     if header.get("skins"):
         result.notes.append("skins are left out: meshes are in their bind pose")
     return result
+
+
+def _texture(picture: Image.Image, named: str) -> torch.Tensor:
+    """A decoded texture; it is decoded only now."""
+    try:
+        return texture_from_picture(picture)
+    except (OSError, ValueError, SyntaxError) as error:
+        raise InputError(f"{named} is damaged ({error}): export it again") from error
 
 
 def _part(loaded: dict, material: int, name: str) -> Part:
