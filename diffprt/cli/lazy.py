@@ -14,6 +14,7 @@ from typer.main import get_command, get_group
 
 from diffprt.cli.terminal import one_line
 from diffprt.options.numbers import check_numbers
+from diffprt.options.words import check_words
 
 _PLAIN = {"pretty_exceptions_enable": False, "rich_markup_mode": None}
 
@@ -48,12 +49,15 @@ def _command(package: str, name: str) -> Any:
 
 
 def guarded(run: Callable[..., None]) -> Callable[..., None]:
-    """Refuses numbers out of range and a report that cannot be written, before the command begins; says on Ctrl-C what
-    the command says, which the parser would drop."""
+    """Refuses numbers out of range, unknown words and a report that cannot be written, before the command begins.
+
+    On Ctrl-C it says what the command says, which the parser would drop.
+    """
 
     @functools.wraps(run)
     def checked(*arguments: object, **options: Any) -> None:
         check_numbers(options)
+        check_words(options)
         if options.get("json_file") is not None:
             from diffprt.cli.outputs import check_report
 

@@ -78,7 +78,7 @@ NUMBERS: dict[str, Range] = {
     "components": whole(0, 4096, 8),
     "count": _COUNT,
     "elevation": _degrees("15"),
-    "exposure": _positive(1e30, "a positive factor, such as 1"),
+    "exposure": _positive(1e9, "a positive factor, at most 1e9, such as 1"),
     "fov": Range(0, 180, "degrees between 0 and 180, such as 35", above=True, below=True),
     "frames": _ROUNDS,
     "halves": whole(2, 64, 2),

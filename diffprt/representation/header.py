@@ -30,7 +30,7 @@ def read_header(path: str | Path) -> dict:
     path = Path(path)
     wanted = "a .prt file, made by 'diffprt bake'"
     if path.is_dir():
-        raise InputError(f"asset {path} is a folder: give {wanted}")
+        raise InputError(f"asset {path} does not exist as a file, it is a folder: give {wanted}")
     if not path.exists():
         raise missing(path, "asset", wanted)
     if path.is_file() and path.stat().st_size == 0:
