@@ -1,16 +1,22 @@
 """Every option of every command with hostile values: refused in one line, or of no harm."""
 
+import ast
 import os
 import re
 import time
 from importlib import import_module
+from pathlib import Path
+from typing import get_type_hints
 
 import pytest
+import torch
 from typer.main import get_command
 
 from diffprt import InputError
 from diffprt.cli import main
 from diffprt.cli.main import app
+from diffprt.options.numbers import NUMBERS as NUMBERS_BY_NAME
+from diffprt.options.numbers import check_numbers
 
 NUMBERS = (
     "nan", "inf", "-inf", "1e400", "-1", "0", "-1e300", "1e300", "1000000000000", "100000000000000000000",
@@ -164,3 +170,99 @@ def _without(arguments, options):
 
 def _ends(*arguments, **options):
     raise InputError("here work begins")
+
+
+def numbers():
+    """Options that are read as numbers, by command."""
+    for words, command in COMMANDS.items():
+        for option in command.params:
+            if option.opts[0].startswith("-") and not getattr(option, "is_flag", False):
+                yield words, option
+
+
+def test_every_number_option_has_a_range(capsys, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    ranged = set()
+    for words, option in numbers():
+        module = import_module(f"diffprt.cli.{'.'.join(words if words[0] == 'study' else words[:1])}")
+        run_of = module.run if hasattr(module, "run") else getattr(module, words[-1])
+        kind = str(get_type_hints(run_of)[option.name]) if option.name in get_type_hints(run_of) else ""
+        if "int" in kind.replace("print", "") or "float" in kind:
+            assert option.name in NUMBERS_BY_NAME, (words, option.name)
+            ranged.add(option.name)
+    assert len(ranged) > 40
+
+
+@pytest.mark.parametrize("name", NUMBERS_BY_NAME)
+def test_every_range_refuses_what_is_no_size(name):
+    known = NUMBERS_BY_NAME[name]
+    for value in (float("nan"), float("inf"), -float("inf"), 10**400, 1e300):
+        for given in (value, [value], (value,)):
+            with pytest.raises(InputError, match="give "):
+                check_numbers({name: given})
+    assert known.wanted
+
+
+def test_python_callers_have_the_ranges_too():
+    from diffprt.options import BakeOptions, CompressOptions, ExportOptions
+    from diffprt.options.study import OverdrawOptions, VisibilityOptions
+    from diffprt.scene import Camera
+
+    nan, inf = float("nan"), float("inf")
+    for kind, options in (
+        (BakeOptions, {"hours": nan}),
+        (BakeOptions, {"hours": inf}),
+        (BakeOptions, {"ridge": inf}),
+        (BakeOptions, {"threads": 10**9}),
+        (CompressOptions, {"coherence": 1e300}),
+        (CompressOptions, {"slack": nan}),
+        (CompressOptions, {"components": 10**12}),
+        (CompressOptions, {"registers": -1}),
+        (ExportOptions, {"exposure": nan}),
+        (OverdrawOptions, {"minutes": nan}),
+        (VisibilityOptions, {"rays": (256, 10**12)}),
+    ):
+        with pytest.raises(InputError, match="give "):
+            kind(**options)
+    for angle in ("azimuth", "elevation", "fov"):
+        for value in (nan, inf):
+            with pytest.raises(InputError, match=angle):
+                Camera.framing(torch.eye(3), **{angle: value})
+
+
+def test_a_picture_beyond_memory_is_refused_before_it_is_begun(place, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("diffprt.rendering.memory.available_memory", lambda: 1 << 30)
+    assert run("render", place / "baked.prt", "--size", 16384, "--samples", 1, "-o", tmp_path / "a.png") == 2
+    assert "GiB are free: give a smaller size" in capsys.readouterr().err
+    views = ("--reference-set", 100_000, "--size", 512, "--samples", 1)
+    assert run("render", place / "baked.prt", *views, "-o", tmp_path / "views") == 2
+    assert "100000 times" in capsys.readouterr().err
+
+
+def test_names_in_files_do_not_steer_the_terminal(tmp_path, capsys):
+    """Of meshes, materials and files, in notes, tables, warnings and errors."""
+    nasty = "[red]a\x1b[2J\u202e"
+    mesh = tmp_path / f"{nasty}.obj"
+    mesh.write_text(f"mtllib {nasty}.mtl\no {nasty}\n" + TRIANGLES.replace("f 1 4 3\n", ""))
+    few = ("--order", 1, "--rays", 16, "--bounces", 0)
+    assert run("bake", mesh, tmp_path / "b\nnote: c.obj", *few, "-o", tmp_path / "out") == 1
+    said = capsys.readouterr()
+    assert not STEERS.search(said.out + said.err)
+    assert "[red]a\\x1b[2J\\u202e.prt" in said.out and "b\\nnote: c.obj" in said.err + said.out
+    assert "material library [red]a" in said.out
+
+
+def test_commands_print_through_the_terminal():
+    """No module of the command line prints what it did not make neutral."""
+    from diffprt import cli
+
+    for file in Path(cli.__file__).parent.rglob("*.py"):
+        tree = ast.parse(file.read_text())
+        prints = any(isinstance(node, ast.Call) and getattr(node.func, "id", "") == "print" for node in ast.walk(tree))
+        ours = any(
+            isinstance(node, ast.ImportFrom)
+            and node.module == "diffprt.cli.terminal"
+            and any(alias.name in ("print", "one_line", "awaits_document") for alias in node.names)
+            for node in ast.walk(tree)
+        )
+        assert not prints or ours or file.name == "terminal.py", file

@@ -3,12 +3,15 @@
 import json
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import jsonschema
 import pytest
 
 from diffprt.cli import main, outputs
+from diffprt.demo import run_demo
+from diffprt.scene import builtin_scene
 
 SCHEMA = json.loads((Path(__file__).parents[2] / "docs" / "report.schema.json").read_text())
 VALID = jsonschema.Draft202012Validator(SCHEMA)
@@ -58,7 +61,9 @@ COMMANDS = {
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_every_report_is_one_valid_document_on_standard_output(name, place, tmp_path, capsys):
+def test_every_report_is_one_valid_document_on_standard_output(name, place, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("diffprt.demo.builtin_scene", lambda name: builtin_scene("sphere", subdivisions=1))
+    monkeypatch.setattr("diffprt.demo.run_demo", partial(run_demo, size=16))
     words = name.partition(" (")[0]
     status = run(*words.split(), *COMMANDS[name].format(p=place, out=tmp_path).split(), "--json", "-")
     said = capsys.readouterr()

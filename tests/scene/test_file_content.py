@@ -39,7 +39,7 @@ GLTF = b'{"asset": {"version": "2.0"}, "meshes": [], "nodes": []}'
 
 # What it is, the words for it, and the endings that it may have.
 FOREIGN = {
-    "page": (b"<!DOCTYPE html>\n<html><body>Sign in</body></html>", "web page (HTML), .*download the file", ()),
+    "page": (b"<!DOCTYPE html>\n<html><body>Sign in</body></html>", r"web page \(HTML\), .*download the file", ()),
     "page after blanks": (b"\xef\xbb\xbf \n <HTML lang=en>", "web page", ()),
     "page in UTF-16": ("\ufeff<!doctype html><html>".encode("utf-16-le"), "web page", ()),
     "pointer": (b"version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 3\n", "git lfs pull", ()),
@@ -107,8 +107,7 @@ def test_noise_and_cut_files_name_the_file(ending, tmp_path):
 
 
 def defective():
-    points, faces = np.eye(3), [[0, 1, 2]]
-    lines = [f"v {' '.join(map(str, p))}" for p in points]
+    lines = [f"v {' '.join(map(str, p))}" for p in np.eye(3)]
     bad = ["v nan 0 0", *lines[1:], "f 1 2 3"]
     return {
         "non-finite": "\n".join(bad),

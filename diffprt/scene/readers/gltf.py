@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import struct
 from pathlib import Path
+from urllib.parse import unquote
 
 import numpy as np
 import torch
@@ -32,7 +33,7 @@ def read_gltf(path: Path) -> Parts:
     check_buffers(path, header)
     with path.open("rb") as file:
         loader = load_glb if path.suffix.lower() == ".glb" else load_gltf
-        loaded = loader(file, resolver=FilePathResolver(str(path)))
+        loaded = loader(file, resolver=_Beside(str(path)))
     primitives = [p for m in header.get("meshes", []) for p in m["primitives"] if p.get("mode", 4) in _MODES_READ]
     geometry = loaded["geometry"]
     order = {name: index for index, name in enumerate(geometry)}
@@ -81,6 +82,13 @@ def read_gltf(path: Path) -> Parts:
     if header.get("skins"):
         result.notes.append("skins are left out: meshes are in their bind pose")
     return result
+
+
+class _Beside(FilePathResolver):
+    """Files beside the glTF file, whose names are percent-encoded in it."""
+
+    def get(self, name: str) -> bytes:
+        return super().get(unquote(name))
 
 
 def _texture(picture: Image.Image, named: str) -> torch.Tensor:
