@@ -31,7 +31,7 @@ class Range:
     whole: bool = False
     said: str = "{name} is {value}: give {wanted}"
 
-    def holds(self, value: Real) -> bool:
+    def holds(self, value: Real | float) -> bool:
         """Whether a number is in it."""
         if self.whole and not isinstance(value, Integral):
             return False
@@ -141,7 +141,7 @@ def check_numbers(given: Mapping[str, object], *, absurd: bool = False) -> None:
                 raise InputError(known.said.format(name=name, value=number_text(number), wanted=known.wanted))
 
 
-def number_text(value: Real) -> str:
+def number_text(value: Real | float) -> str:
     """A number as it was given; of a very long one, how long it is."""
     if isinstance(value, Integral) and abs(value) >= 10**_MOST_SHOWN:
         return f"a number of about {round(int(value).bit_length() * math.log10(2))} digits"
