@@ -58,6 +58,8 @@ def run_demo(
     stage_begins: Callable[[str], None] = lambda name: None,
 ) -> DemoResult:
     """Bakes, compresses, renders and exports the demo scene into `directory`."""
+    # Few bands have fewer components than that.
+    components = min(components, order * order)
     result = DemoResult(
         directory / "contact_sheet.png",
         directory / "page" / "index.html",

@@ -10,6 +10,7 @@ import OpenImageIO as oiio
 import torch
 
 from diffprt.errors import InputError
+from diffprt.file_content import check_content, missing
 
 READABLE = (".hdr", ".exr", ".png", ".jpg", ".jpeg", ".tif", ".tiff")
 _LARGEST_PIXELS = 1 << 28
@@ -29,9 +30,12 @@ def read_image(path: str | Path) -> torch.Tensor:
         InputError: the file is missing, unreadable, not an image, or larger than 2^28 pixels.
     """
     path = Path(path)
-    if not path.is_file():
-        found = "is a folder" if path.is_dir() else "does not exist"
-        raise InputError(f"image {path} {found}: give the path of a {', '.join(READABLE)} file")
+    wanted = f"the path of a {', '.join(READABLE)} file"
+    if path.is_dir():
+        raise InputError(f"image {path} is a folder: give {wanted}")
+    if not path.exists():
+        raise missing(path, "image", wanted)
+    check_content(path, "image")
     as_stored = oiio.ImageSpec()
     as_stored.attribute("oiio:UnassociatedAlpha", 1)
     source = oiio.ImageInput.open(str(path), as_stored)

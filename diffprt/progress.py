@@ -6,7 +6,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from typing import Protocol
+from typing import Protocol, TextIO
 
 
 class Track(Protocol):
@@ -37,14 +37,14 @@ def track(text: str, total: int, done: int = 0) -> Iterator[Callable[[], None]]:
     )
 
     columns = (
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
         TimeElapsedColumn(),
         TextColumn("left"),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+    with Progress(*columns, console=Console(file=_drawn_on()), transient=True) as progress:
         task = progress.add_task(text, total=total, completed=done)
         yield lambda: progress.advance(task)
 
@@ -56,9 +56,15 @@ def status(text: str) -> Iterator[None]:
         yield
         return
     from rich.console import Console
+    from rich.text import Text
 
-    with Console(stderr=True).status(text):
+    with Console(file=_drawn_on()).status(Text(text)):
         yield
+
+
+def _drawn_on() -> TextIO:
+    """Standard error itself, where a stream that lets no control character pass stands before it."""
+    return getattr(sys.stderr, "beneath", sys.stderr)
 
 
 @contextmanager

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import typer
 
-from diffprt.cli.clock import process_begun
+from diffprt.cli.batch import Item, items, run_batch
+from diffprt.cli.clock import command_begun
 from diffprt.cli.from_options import from_options
-from diffprt.cli.outputs import JsonFile, check_ending, check_output, write_report
-from diffprt.cli.parsing import parse_bounces
+from diffprt.cli.outputs import BatchJson, check_output
+from diffprt.cli.parsing import parse_bounces, parse_color
 from diffprt.cli.tables import print_table, size_text
+from diffprt.cli.terminal import print
 from diffprt.errors import InputError
 from diffprt.options import CONVERGED, BakeOptions
 from diffprt.progress import status, track
@@ -22,10 +25,15 @@ if TYPE_CHECKING:
 
 @from_options(BakeOptions, bounces=parse_bounces)
 def run(
-    source: str = typer.Argument(
-        ..., metavar="SCENE", help="A .glb, .gltf, .obj, .ply, .stl or .usd file, or builtin:NAME."
+    source: list[str] = typer.Argument(
+        ...,
+        metavar="SCENE...",
+        help="A .glb, .gltf, .obj, .ply, .stl or .usd file, or builtin:NAME; of several, a failure does not stop the "
+        "others.",
     ),
-    output: Path = typer.Option(Path("asset.prt"), "-o", "--output", help="The asset to write (.prt)."),
+    output: str = typer.Option(
+        "asset.prt", "-o", "--output", help="The asset to write (.prt); for several scenes the folder for one of each."
+    ),
     planned: str = typer.Option(
         "off", "--plan", help="off; on: simulate what the scene calls for; or the light (sky, a map) it is for."
     ),
@@ -42,11 +50,11 @@ def run(
     winding: str = typer.Option("repair", help="repair, or keep: for rooms that are seen from within."),
     recenter: bool = typer.Option(False, help="Move the scene to the origin before its coordinates are rounded."),
     dry_run: bool = typer.Option(False, help="Print expected time, memory and bytes; do nothing."),
-    json_file: Path = JsonFile,
+    reports: Path = BatchJson,
     *,
     options: BakeOptions,
 ) -> None:
-    check_ending(output, ".prt")
+    todo = items(source, output, ".prt")
 
     from diffprt.brdf import parse_brdf
     from diffprt.cli.scenes import load_light, load_scene
@@ -58,67 +66,78 @@ def run(
     if brdfs and (albedo is not None or planned != "off"):
         given = "plan" if albedo is None else "albedo"
         raise InputError(f"{given} is given with a BRDF: glossy bakes do not take it, leave one of them out")
-    scene = load_scene(
-        source,
-        albedo=albedo,
-        ground=ground,
-        occluders=occluder,
-        up=up,
-        non_finite=non_finite,
-        winding=winding,
-        recenter=recenter,
-    )
-    for line in scene.defects.lines():
-        print(f"note: {line}")
-    scene = scene.with_brdf(brdfs) if brdfs else scene
-    decided = None
-    if planned != "off":
-        with status("planning"):
-            light = None if planned == "on" else load_light(planned, 10)
-            decided = plan(scene, options.tolerance or 0.01, light=light, order=options.order, bounces=options.bounces)
-        for line in decided.lines():
-            print(line)
-    job = prepare(scene, plan=decided, begun=process_begun(), **vars(options))
-    if not dry_run:
-        check_output(output)
-    with status("trying a few rays"):
-        estimate = job.estimate()
-    if dry_run:
-        _print_estimate(source, job, json_file)
-        return
-    parts, report = output.with_name(output.name + ".parts"), {}
-    # A bake that was asked to end in some seconds is not worth resuming, and its rays depend on the clock.
-    asset = job.run(checkpoint=parts if options.seconds is None else None, track=track, report=report)
-    size = assets.save(asset, output)
-    discard_chunks(parts)
-    counts, errors = report["counts"], report["errors"]
-    if counts.get("resumed_chunks"):
-        print(
-            f"resumed: {counts['resumed_chunks']} of {counts['chunks']} chunks were done, "
-            f"{counts['recomputed_in_flight']} in flight were recomputed"
-        )
-    if counts.get("damaged_chunks"):
-        print(
-            f"note: {counts['damaged_chunks']} of {counts['chunks']} chunks in {parts} were damaged or not of this "
-            "bake, and were traced again"
-        )
-    if errors.get("receivers_inside"):
-        print(f"note: {errors['receivers_inside']:,} receivers lie inside geometry" + ", filled" * options.fill_inside)
-    if "rays_fewest" in errors:
-        print(
-            f"note: the machine's speed changed on the way: {errors['rays_fewest']} to {errors['rays_most']} rays, "
-            f"{errors['rays_mean']:.0f} in the mean"
-        )
-    print(
-        f"{output}: {estimate.receivers:,} receivers, {_bands_text(job)}, {report['settings']['rays']} rays, "
-        f"{size_text(size)}{_error_text(errors)}"
-    )
-    report |= {
-        "estimate": estimate.as_dict(),
-        "defects": scene.defects.as_dict(),
-        "outputs": {"asset": str(output), "bytes": size},
+    if albedo is not None:
+        parse_color(albedo, "albedo")
+    light = None if planned in ("off", "on") else load_light(planned, 10)
+    loading = {
+        "albedo": albedo,
+        "ground": ground,
+        "occluders": occluder,
+        "up": up,
+        "non_finite": non_finite,
+        "winding": winding,
+        "recenter": recenter,
     }
-    write_report(json_file, "bake", report)
+
+    def one(item: Item) -> dict:
+        loaded = time.monotonic()
+        scene = load_scene(item.source, **loading)
+        for line in scene.defects.lines():
+            print(f"note: {line}")
+        scene = scene.with_brdf(brdfs) if brdfs else scene
+        decided = None
+        if planned != "off":
+            with status("planning"):
+                decided = plan(
+                    scene, options.tolerance or 0.01, light=light, order=options.order, bounces=options.bounces
+                )
+            for line in decided.lines():
+                print(line)
+        # The time of one bake has the start of the command in it.
+        begun = command_begun() if item is todo[0] else loaded
+        job = prepare(scene, plan=decided, begun=begun, **vars(options))
+        output = None if dry_run else check_output(item.target)
+        with status("trying a few rays"):
+            estimate = job.estimate()
+        if dry_run:
+            return _print_estimate(item.source, job)
+        parts, report = output.with_name(output.name + ".parts"), {}
+        # A bake that was asked to end in some seconds is not worth resuming, and its rays depend on the clock.
+        asset = job.run(checkpoint=parts if options.seconds is None else None, track=track, report=report)
+        size = assets.save(asset, output)
+        discard_chunks(parts)
+        counts, errors = report["counts"], report["errors"]
+        if counts.get("resumed_chunks"):
+            print(
+                f"resumed: {counts['resumed_chunks']} of {counts['chunks']} chunks were done, "
+                f"{counts['recomputed_in_flight']} in flight were recomputed"
+            )
+        if counts.get("damaged_chunks"):
+            print(
+                f"note: {counts['damaged_chunks']} of {counts['chunks']} chunks in {parts} were damaged or not of this "
+                "bake, and were traced again"
+            )
+        if errors.get("receivers_inside"):
+            print(
+                f"note: {errors['receivers_inside']:,} receivers lie inside geometry" + ", filled" * options.fill_inside
+            )
+        if "rays_fewest" in errors:
+            print(
+                f"note: the machine's speed changed on the way: {errors['rays_fewest']} to {errors['rays_most']} rays, "
+                f"{errors['rays_mean']:.0f} in the mean"
+            )
+        print(
+            f"{output}: {estimate.receivers:,} receivers, {_bands_text(job)}, {report['settings']['rays']} rays, "
+            f"file {size_text(size)}{_error_text(errors)}"
+        )
+        report |= {
+            "estimate": estimate.as_dict(),
+            "defects": scene.defects.as_dict(),
+            "outputs": {"asset": str(output), "bytes": size},
+        }
+        return report
+
+    run_batch("bake", todo, reports, one)
 
 
 def _bands_text(job: Job) -> str:
@@ -134,8 +153,8 @@ def _error_text(errors: dict) -> str:
     return f", noise below {100 * errors['noise_relative']:.2f} %" if "noise_relative" in errors else ""
 
 
-def _print_estimate(source: str, job: Job, json_file: Path | None) -> None:
-    """Expected cost, before any work."""
+def _print_estimate(source: str, job: Job) -> dict:
+    """Expected cost, before any work; the report."""
     settings, estimate = job.settings, job.estimate()
     rows = [
         ["receivers", f"{estimate.receivers:,}"],
@@ -153,4 +172,4 @@ def _print_estimate(source: str, job: Job, json_file: Path | None) -> None:
         report["sampling"] = job.sampling.as_dict()
     bounces = "all bounces" if settings.bounces == CONVERGED else f"{settings.bounces} bounces"
     print_table(f"{source}: {_bands_text(job)}, {bounces}", ["expected", ""], rows)
-    write_report(json_file, "bake", report)
+    return report

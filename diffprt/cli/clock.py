@@ -6,10 +6,21 @@ import os
 import time
 
 _IMPORTED = time.monotonic()
+_begun = [_IMPORTED]
 
 
-def process_begun() -> float:
-    """`time.monotonic()` at which this process began; at which the command line was read, where that is not known."""
+def start_clock(*, with_process: bool) -> None:
+    """A command begins now, or began with the process that runs nothing else."""
+    _begun[0] = _process_begun() if with_process else time.monotonic()
+
+
+def command_begun() -> float:
+    """`time.monotonic()` at which the command began."""
+    return _begun[0]
+
+
+def _process_begun() -> float:
+    """At which this module was read, where the system does not tell."""
     try:
         with open("/proc/self/stat", encoding="utf-8", errors="replace") as file:
             # The name, in parentheses, may hold blanks and parentheses; the 22nd field counts ticks since the start

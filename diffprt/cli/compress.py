@@ -6,9 +6,11 @@ from pathlib import Path
 
 import typer
 
+from diffprt.cli.batch import Item, items, run_batch
 from diffprt.cli.from_options import from_options
-from diffprt.cli.outputs import JsonFile, check_ending, check_output, write_report
+from diffprt.cli.outputs import BatchJson, check_output
 from diffprt.cli.tables import size_text
+from diffprt.cli.terminal import print
 from diffprt.errors import InputError
 from diffprt.options.compress import CompressOptions
 from diffprt.progress import status
@@ -16,12 +18,18 @@ from diffprt.progress import status
 
 @from_options(CompressOptions)
 def run(
-    source: Path = typer.Argument(..., metavar="ASSET", help="A .prt file made by 'diffprt bake'."),
-    output: Path = typer.Option(Path("compressed.prt"), "-o", "--output", help="The asset to write (.prt)."),
+    source: list[str] = typer.Argument(
+        ...,
+        metavar="ASSET...",
+        help="A .prt file made by 'diffprt bake'; of several, a failure does not stop the others.",
+    ),
+    output: str = typer.Option(
+        "compressed.prt", "-o", "--output", help="The asset to write (.prt); for several the folder for one of each."
+    ),
     prior: list[Path] = typer.Option(
         None, help="An environment map (repeatable): weigh errors as such lights show them."
     ),
-    json_file: Path = JsonFile,
+    reports: Path = BatchJson,
     *,
     options: CompressOptions,
 ) -> None:
@@ -29,26 +37,31 @@ def run(
     from diffprt.representation import files as assets
     from diffprt.scene import Environment
 
-    check_ending(output, ".prt")
-    transfer = assets.load(source)
-    if transfer.compressed:
-        raise InputError(f"asset {source} is already compressed: give the one that 'diffprt bake' made")
-    check_output(output)
-    lights = [Environment.load(path).project(transfer.order).coefficients for path in prior or []]
-    report: dict = {}
-    asked = vars(options) | {"prior": light_prior(lights) if lights else None, "report": report}
-    with status("clustering"):
-        compressed = compress(transfer, **asked)
-    report["settings"] = compressed.settings["compress"]
-    size = assets.save(compressed, output)
-    counts = report["counts"]
-    if counts["clusters_dropped"]:
-        print(f"note: {counts['clusters_dropped']} clusters were dropped: no receiver is best served by them")
-    drawn = f", overdraw {counts['overdraw']:.3f}" if "overdraw" in counts else ""
-    print(
-        f"{output}: {counts['clusters']} clusters x {options.components} components, "
-        f"signal {size_text(counts['bytes'])} (was {size_text(counts['bytes_before'])}), "
-        f"error {100 * report['errors']['compression_relative']:.2f} %{drawn}"
-    )
-    report["outputs"] = {"asset": str(output), "bytes": size}
-    write_report(json_file, "compress", report)
+    todo = items(source, output, ".prt")
+
+    def one(item: Item) -> dict:
+        transfer = assets.load(item.source)
+        if transfer.compressed:
+            raise InputError(f"asset {item.source} is already compressed: give the one that 'diffprt bake' made")
+        output = check_output(item.target)
+        lights = [Environment.load(path).project(transfer.order).coefficients for path in prior or []]
+        report: dict = {}
+        asked = vars(options) | {"prior": light_prior(lights) if lights else None, "report": report}
+        with status("clustering"):
+            compressed = compress(transfer, **asked)
+        report["settings"] = compressed.settings["compress"]
+        size = assets.save(compressed, output)
+        counts = report["counts"]
+        if counts["clusters_dropped"]:
+            print(f"note: {counts['clusters_dropped']} clusters were dropped: no receiver is best served by them")
+        drawn = f", overdraw {counts['overdraw']:.3f}" if "overdraw" in counts else ""
+        print(
+            f"{output}: {counts['clusters']} clusters x {options.components} components, "
+            f"signal {size_text(counts['bytes'])} (was {size_text(counts['bytes_before'])}), "
+            f"file {size_text(size)}, "
+            f"error {100 * report['errors']['compression_relative']:.2f} %{drawn}"
+        )
+        report["outputs"] = {"asset": str(output), "bytes": size}
+        return report
+
+    run_batch("compress", todo, reports, one)

@@ -8,6 +8,7 @@ import typer
 
 from diffprt.cli.outputs import JsonFile, check_output, write_report
 from diffprt.cli.tables import print_table, size_text
+from diffprt.cli.terminal import print
 from diffprt.progress import track
 
 

@@ -11,6 +11,7 @@ import typer
 from diffprt.cli.from_options import field_option
 from diffprt.cli.outputs import JsonFile, check_output, write_report
 from diffprt.cli.tables import size_text
+from diffprt.cli.terminal import print
 from diffprt.errors import InputError
 from diffprt.options import ExportOptions
 

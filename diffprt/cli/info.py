@@ -9,6 +9,7 @@ import typer
 
 from diffprt.cli.outputs import JsonFile, write_report
 from diffprt.cli.tables import print_table, size_text
+from diffprt.cli.terminal import print
 from diffprt.representation.header import read_array, read_header
 
 
@@ -21,7 +22,7 @@ def run(
         [name, "x".join(map(str, entry["shape"])), entry["dtype"]] for name, entry in sorted(header["tensors"].items())
     ]
     print_table(
-        f"{source}: {header['type']}, version {header['version']}, {size_text(header['bytes'])}",
+        f"{source}: {header['type']}, version {header['version']}, file {size_text(header['bytes'])}",
         ["tensor", "shape", "type"],
         rows,
     )
@@ -34,4 +35,6 @@ def run(
     inside = header["certificate"].get("receivers_inside", 0)
     if isinstance(inside, int) and inside:
         print(f"receivers inside geometry: {inside:,}")
+    # "version" is that of the report.
+    header["asset_version"] = header.pop("version")
     write_report(json_file, "info", header)

@@ -12,6 +12,7 @@ import typer
 from diffprt.cli.outputs import JsonFile, check_ending, check_output, write_report
 from diffprt.cli.parsing import parse_color
 from diffprt.cli.tables import print_table
+from diffprt.cli.terminal import print
 from diffprt.errors import InputError
 
 if TYPE_CHECKING:

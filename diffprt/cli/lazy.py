@@ -6,11 +6,15 @@ import functools
 import importlib
 import sys
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, NoReturn
 
 import typer
 from typer.core import TyperGroup
 from typer.main import get_command, get_group
+
+from diffprt.cli.terminal import one_line
+from diffprt.options.numbers import check_numbers
+from diffprt.options.words import check_words
 
 _PLAIN = {"pretty_exceptions_enable": False, "rich_markup_mode": None}
 
@@ -36,26 +40,45 @@ def _command(package: str, name: str) -> Any:
     """What the parser runs for a name."""
     module = importlib.import_module(f"{package}.{name}")
     if hasattr(module, "app"):
+        for registered in module.app.registered_commands:
+            registered.callback = guarded(registered.callback)
         return get_group(module.app)
     single = typer.Typer(add_completion=False, **_PLAIN)
-    single.command(name, help=module.__doc__)(interruptible(module.run))
+    single.command(name, help=module.__doc__)(guarded(module.run))
     return get_command(single)
 
 
-def interruptible(run: Callable[..., None]) -> Callable[..., None]:
-    """Says on Ctrl-C what the command says; the parser would drop the message."""
+def guarded(run: Callable[..., None]) -> Callable[..., None]:
+    """Refuses numbers out of range, unknown words and a report that cannot be written, before the command begins.
+
+    On Ctrl-C it says what the command says, which the parser would drop.
+    """
 
     @functools.wraps(run)
-    def guarded(*arguments: object, **options: object) -> None:
+    def checked(*arguments: object, **options: Any) -> None:
+        check_numbers(options)
+        check_words(options)
+        if options.get("json_file") is not None:
+            from diffprt.cli.outputs import check_report
+
+            check_report(options["json_file"])
         try:
             run(*arguments, **options)
         except KeyboardInterrupt as error:
             fail(str(error) or "interrupted", 130)
 
-    return guarded
+    return checked
 
 
-def fail(message: str, status: int) -> None:
+class Failure(SystemExit):
+    """The end of the process, with the line that said why."""
+
+    def __init__(self, message: str, status: int) -> None:
+        super().__init__(status)
+        self.message = message
+
+
+def fail(message: str, status: int) -> NoReturn:
     """Ends the process with one line."""
-    print(f"diffprt: {' '.join(message.split())}", file=sys.stderr)
-    sys.exit(status)
+    print(f"diffprt: {one_line(message)}", file=sys.stderr)
+    raise Failure(message, status)

@@ -9,6 +9,7 @@ import typer
 from diffprt.cli.outputs import JsonFile, check_ending, check_output, write_report
 from diffprt.cli.parsing import parse_bytes
 from diffprt.cli.tables import size_text
+from diffprt.cli.terminal import print
 from diffprt.options import LOSSES, PARAMETERS
 from diffprt.progress import status, track
 
@@ -72,7 +73,8 @@ def run(
     errors = report["errors"]
     print(
         f"{output}: error of {report['counts']['held_out']} held-out pictures {100 * errors['before']:.3f} % before, "
-        f"{100 * errors['after']:.3f} % after {report['counts']['steps']} steps, signal {size_text(result.nbytes)}"
+        f"{100 * errors['after']:.3f} % after {report['counts']['steps']} steps, signal {size_text(result.nbytes)}, "
+        f"file {size_text(written)}"
     )
     report["outputs"] = {"asset": str(output), "bytes": written}
     write_report(json_file, "optimize", report)

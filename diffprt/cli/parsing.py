@@ -7,7 +7,11 @@ import re
 
 from diffprt.errors import InputError
 from diffprt.options import CONVERGED
+from diffprt.options.numbers import check_numbers
 
+# Beyond these, arithmetic in 32 bits ends in infinity.
+_LARGEST_COLOR, _LARGEST_NUMBER = 1e6, 1e9
+_MOST_BYTES = 10**15
 _BYTES = {"": 1, "KB": 10**3, "MB": 10**6, "GB": 10**9}
 
 
@@ -17,7 +21,7 @@ def parse_color(text: str, name: str) -> tuple[float, float, float]:
         values = [float(part) for part in text.split(",")]
     except ValueError:
         values = []
-    if len(values) not in (1, 3) or not all(math.isfinite(v) for v in values):
+    if len(values) not in (1, 3) or not all(abs(v) <= _LARGEST_COLOR for v in values):
         raise InputError(f"{name} is '{text}': give one number or three, such as 0.8 or 0.8,0.7,0.6")
     red, green, blue = values * (3 // len(values))
     return red, green, blue
@@ -29,8 +33,8 @@ def parse_number(text: str, name: str) -> float:
         value = float(text)
     except ValueError:
         value = math.nan
-    if not 0 < value < math.inf:
-        raise InputError(f"{name} is '{text}': give a positive number")
+    if not 0 < value <= _LARGEST_NUMBER:
+        raise InputError(f"{name} is '{text}': give a positive number, at most {_LARGEST_NUMBER:g}")
     return value
 
 
@@ -42,6 +46,8 @@ def parse_size(text: str) -> tuple[int, int]:
         sides = []
     if len(sides) not in (1, 2):
         raise InputError(f"size is '{text}': give pixels such as 512 or 640x480")
+    for side in sides:
+        check_numbers({"size": side})
     return sides[0], sides[-1]
 
 
@@ -61,6 +67,7 @@ def parse_clusters(text: str) -> tuple[int, int]:
         clusters, components = (int(part) for part in text.split("x"))
     except ValueError:
         raise InputError(f"size is '{text}': give CLUSTERSxCOMPONENTS such as 64x8") from None
+    check_numbers({"clusters": clusters, "components": components})
     return clusters, components
 
 
@@ -70,8 +77,8 @@ def parse_bytes(text: str) -> int:
     unit = "" if found is None else found[2].removesuffix("B") + "B" if found[2] not in ("", "B") else ""
     try:
         count = round(float(found[1]) * _BYTES[unit]) if found else 0
-    except ValueError:
+    except (ValueError, OverflowError):
         count = 0
-    if count < 1:
+    if not 1 <= count <= _MOST_BYTES:
         raise InputError(f"bytes is '{text}': give a size such as 500KB or 2MB")
     return count

@@ -10,6 +10,7 @@ import typer
 
 from diffprt.cli.outputs import JsonFile, write_report
 from diffprt.cli.parsing import parse_bounces
+from diffprt.cli.terminal import print
 from diffprt.planning.decision import EFFECTS, value_text
 from diffprt.progress import status
 
@@ -46,11 +47,13 @@ def run(
     with status("sending pilot rays"):
         decided = plan(scene, tolerance, light=lit, shadows=shadows, bounces=asked, channels=channels, order=order)
     seconds = time.perf_counter() - begun
-    print(f"{source}: tolerance {100 * tolerance:g} %" + (f", light {light}" if light else "") + "\n")
-    print(_row("effect", "decision", "reason"))
-    for name in EFFECTS:
-        decision = getattr(decided, name)
-        print(_row(name, value_text(decision.value), decision.reason))
+    print(f"{source}: tolerance {100 * tolerance:g} %" + (f", light {light}" if light else ""))
+    print()
+    rows = [("effect", "decision", "reason")]
+    rows += [(name, value_text(getattr(decided, name).value), getattr(decided, name).reason) for name in EFFECTS]
+    for row in rows:
+        for line in _row(*row):
+            print(line)
     write_report(
         json_file,
         "plan",
@@ -58,6 +61,6 @@ def run(
     )
 
 
-def _row(effect: str, decision: str, reason: str) -> str:
+def _row(effect: str, decision: str, reason: str) -> list[str]:
     """One row of the table, its reason wrapped under itself."""
-    return textwrap.fill(f"{effect:<10}{decision:<10}{reason}", 100, subsequent_indent=" " * 20)
+    return textwrap.wrap(f"{effect:<10}{decision:<10}{reason}", 100, subsequent_indent=" " * 20)

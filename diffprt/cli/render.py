@@ -9,6 +9,7 @@ import typer
 
 from diffprt.cli.outputs import JsonFile, check_ending, check_output, write_report
 from diffprt.cli.parsing import parse_color, parse_number, parse_size
+from diffprt.cli.terminal import print
 from diffprt.errors import InputError
 from diffprt.progress import track
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import sys
 
+from diffprt.cli.terminal import beneath, neutral, print
+
 
 def say(text: str) -> None:
     """What goes on, for people: beside what programs read."""
@@ -15,16 +17,18 @@ def print_table(title: str, columns: list[str], rows: list[list[str]]) -> None:
     import rich.box
     from rich.console import Console
     from rich.table import Table
+    from rich.text import Text
 
     table = Table(box=rich.box.SIMPLE_HEAD)
     for index, column in enumerate(columns):
-        table.add_column(column, justify="left" if index == 0 else "right", overflow="fold")
+        # As text: in a name, brackets are no markup.
+        table.add_column(Text(neutral(column)), justify="left" if index == 0 else "right", overflow="fold")
     for row in rows:
-        table.add_row(*row)
-    console = Console()
+        table.add_row(*(Text(neutral(cell)) for cell in row))
+    console = Console(file=beneath(sys.stdout))
     if not console.is_terminal:
-        console = Console(width=100)
-    console.print(title, markup=False, highlight=False, soft_wrap=True)
+        console = Console(file=beneath(sys.stdout), width=100)
+    console.print(Text(neutral(title)), soft_wrap=True)
     console.print(table)
 
 

@@ -19,6 +19,7 @@ from diffprt.compression import ClusteredTransfer
 from diffprt.errors import InputError
 from diffprt.inverse.observations import Observation, Picture, observe
 from diffprt.inverse.surface_fit import SurfaceFit
+from diffprt.options.numbers import check_numbers
 from diffprt.shading import shade
 from diffprt.transfer import Transfer, Transport
 
@@ -143,9 +144,7 @@ def _unit_radiance(transfer, observation: Observation, light: torch.Tensor, chan
 
 def check_albedo_options(asset, groups: torch.Tensor | None, variation: float, noise: float | None) -> None:
     asset.check_albedo()
-    for name, value in (("variation", variation), ("noise", noise)):
-        if value is not None and not value > 0:
-            raise InputError(f"{name} is {value}: give a positive share, such as 0.01")
+    check_numbers({"variation": variation, "noise": noise})
     if groups is not None and tuple(groups.shape) != (len(asset.elements),):
         raise InputError(
             f"groups have shape {list(groups.shape)}: give one number per receiver, [{len(asset.elements)}]"

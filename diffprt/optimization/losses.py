@@ -13,6 +13,7 @@ from diffprt.shading import tone_map
 
 # Side of the window over which SSIM compares local means and variances (Wang et al. 2004).
 _WINDOW = 11
+_LARGEST_WEIGHT = 1e6
 
 
 def relative_squared(image: torch.Tensor, reference: torch.Tensor, mask: torch.Tensor, exposure: float) -> torch.Tensor:
@@ -74,8 +75,8 @@ def parse_loss(loss: str | dict[str, float]) -> dict[str, float]:
     for name, weight in loss.items():
         if name not in LOSSES:
             raise InputError(f"loss '{name}' is unknown: use one of {', '.join(LOSSES)}")
-        if not 0 < weight < float("inf"):
-            raise InputError(f"loss '{name}' has weight {weight}: give a number above 0")
+        if not 0 < weight <= _LARGEST_WEIGHT:
+            raise InputError(f"loss '{name}' has weight {weight}: give a number above 0, at most {_LARGEST_WEIGHT:g}")
     if not set(loss) - {*LABEL_LOSSES}:
         raise InputError("loss has nothing that compares with references: add image or transfer")
     return dict(loss)

@@ -26,6 +26,7 @@ from diffprt.optimization.training.outcome import Outcome
 from diffprt.optimization.training.schedule import Schedule
 from diffprt.optimization.training.trainer import Run, train
 from diffprt.optimization.transfer_loss import TransferLoss
+from diffprt.options.numbers import check_numbers
 from diffprt.options.optimize import LABEL_LOSSES, TRANSFER
 from diffprt.representation import Representation
 from diffprt.transfer.at_receivers import TransferAtReceivers
@@ -98,8 +99,7 @@ def optimize(
     """
     if not 0 < learning_rate <= _LARGEST_RATE:
         raise InputError(f"learning_rate is {learning_rate}: give a number above 0 and at most 1, such as 0.05")
-    if not 1 <= batch <= 4096:
-        raise InputError(f"batch is {batch}: give 1 to 4096 pictures")
+    check_numbers({"batch": batch, "held_out": held_out, "seed": seed})
     schedule = Schedule.of(steps, seconds, tolerance)
     terms = parse_loss(("image" if target is None else TRANSFER) if loss is None else loss)
     if TRANSFER in terms and target is None:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import asdict, dataclass, field, fields
 from numbers import Integral
 from typing import TypeVar
 
 from diffprt.errors import InputError
+from diffprt.options.numbers import check_numbers
 from diffprt.options.ranges import check_choice, check_order, check_threads
 
 QUALITIES = {
@@ -42,12 +42,9 @@ class BakeSettings:
 
     def __post_init__(self) -> None:
         check_order(self.order)
-        if not 1 <= self.rays <= 1 << 20:
-            raise InputError(f"rays is {self.rays}: give 1 to 1048576 rays per receiver, such as 1024")
         if self.bounces != CONVERGED and not (isinstance(self.bounces, Integral) and 0 <= self.bounces <= 64):
             raise InputError(f"bounces is {self.bounces}: give 0 to 64, such as 2, or 'converged'")
-        if not 0 <= self.seed < 1 << 64:
-            raise InputError(f"seed is {self.seed}: give a non-negative integer")
+        check_numbers(vars(self))
 
     @property
     def reflects(self) -> bool:
@@ -81,10 +78,7 @@ class GlossySettings(BakeSettings):
         object.__setattr__(self, "order_out", check_order(self.order if self.order_out is None else self.order_out))
         if self.bounce_rays is None:
             object.__setattr__(self, "bounce_rays", max(256, self.rays // 4))
-        if not 1 <= self.bounce_rays <= 1 << 20:
-            raise InputError(f"bounce_rays is {self.bounce_rays}: give 1 to 1048576 rays per receiver, such as 256")
-        if not self.ridge >= 0:
-            raise InputError(f"ridge is {self.ridge}: give 0 or more")
+        check_numbers({"bounce_rays": self.bounce_rays})
 
 
 Settings = TypeVar("Settings", bound=BakeSettings)
@@ -132,15 +126,12 @@ class BakeOptions:
             raise InputError(f"quality '{self.quality}' is unknown: use one of {', '.join(QUALITIES)}")
         check_choice("operator", self.operator, OPERATORS)
         check_threads(self.threads)
-        if not self.hours > 0:
-            raise InputError(f"hours is {self.hours}: give a positive time, such as 1")
+        check_numbers({name: value for name, value in vars(self).items() if name != "bounces"})
         given = [name for name in ("rays", "tolerance", "seconds") if getattr(self, name) is not None]
         if len(given) > 1:
             raise InputError(f"{' and '.join(given)} were given together: give one of them")
         if self.tolerance is not None:
             check_tolerance(self.tolerance)
-        if self.seconds is not None and not 0 < self.seconds < math.inf:
-            raise InputError(f"seconds is {self.seconds}: give a positive time, such as 20")
         self.settings()
 
     def settings(self, kind: type[Settings] = BakeSettings, **planned: object) -> Settings:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from typing import Any
 
 from diffprt.errors import InputError
+from diffprt.options.numbers import check_numbers
 from diffprt.options.ranges import check_choice
 
 FORMATS = ("float32", "float16", "uint8")
@@ -107,14 +107,7 @@ class CompressOptions:
     report: dict | None = None
 
     def __post_init__(self) -> None:
-        if not 1 <= self.clusters <= 65536:
-            raise InputError(f"clusters is {self.clusters}: give 1 to 65536, such as 64")
-        if self.iterations < 1:
-            raise InputError(f"iterations is {self.iterations}: give 1 or more, such as 50")
-        if not self.slack >= 0:
-            raise InputError(f"slack is {self.slack}: give 0 or more, such as 0.1")
-        if self.coherence is not None and not 0 <= self.coherence < math.inf:
-            raise InputError(f"coherence is {self.coherence}: give 0 or more, such as 0.5")
+        check_numbers(vars(self))
         if self.method is not None and self.method not in METHODS:
             raise InputError(f"method '{self.method}' is unknown: use one of {', '.join(METHODS)}")
         check_choice("weights_format", self.weights_format, FORMATS)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from diffprt.errors import InputError
+from diffprt.options.numbers import check_numbers
 
 CURVES = ("linear", "reinhard", "aces")
 
@@ -63,5 +63,4 @@ class ExportOptions:
             raise InputError("lights are empty: give at least one, or None for the built-in one")
         if self.curve not in CURVES:
             raise InputError(f"tone curve '{self.curve}' is unknown: use one of {', '.join(CURVES)}")
-        if not (math.isfinite(self.exposure) and self.exposure > 0):
-            raise InputError(f"exposure is {self.exposure}: give a positive factor")
+        check_numbers(vars(self))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import operator
 
 from diffprt.errors import InputError
+from diffprt.options.numbers import check_numbers, number_text
 
 MAXIMUM_ORDER = 10
 
@@ -20,7 +21,7 @@ def check_order(order: int, *, most: int = MAXIMUM_ORDER) -> int:
     except TypeError:
         raise InputError(f"order {order!r} is not a whole number: give order=1 to order={most}") from None
     if not 1 <= whole <= most:
-        raise InputError(f"order {whole} is outside 1..{most}: give order=1 to order={most}")
+        raise InputError(f"order {number_text(whole)} is outside 1..{most}: give order=1 to order={most}")
     return whole
 
 
@@ -32,5 +33,4 @@ def check_choice(what: str, value: str, choices: tuple[str, ...] | dict[str, obj
 
 def check_threads(threads: int | None) -> None:
     """Refuses a number of CPU threads below 1; None is all."""
-    if threads is not None and threads < 1:
-        raise InputError(f"threads is {threads}: give 1 or more, or leave it out to use all")
+    check_numbers({"threads": threads})

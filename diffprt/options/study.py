@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from diffprt.options.numbers import check_numbers
+
 
 def _option(default: object, text: str, *flags: str) -> Any:
     return field(default=default, metadata={"help": text, "flags": flags})
@@ -21,6 +23,10 @@ class StudyOptions:
     """
 
     say: Callable[[str], None] = lambda text: None
+
+    def __post_init__(self) -> None:
+        # What is too little for a study, the study says.
+        check_numbers(vars(self), absurd=True)
 
     def settings(self, *left_out: str) -> dict[str, Any]:
         """What was asked for as plain values, for reports, but for what is `left_out`."""

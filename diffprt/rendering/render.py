@@ -7,6 +7,7 @@ from dataclasses import replace
 import torch
 
 from diffprt.errors import InputError
+from diffprt.rendering.memory import check_picture
 from diffprt.representation.interface import Representation
 from diffprt.representation.lighting import Lighting, LightingLike
 from diffprt.representation.lit import Lit
@@ -49,6 +50,7 @@ def render(
     camera = camera or Camera.framing(asset.elements.positions)
     if not 1 <= samples <= 16:
         raise InputError(f"samples is {samples}: give 1 to 16 a side")
+    check_picture(camera, samples)
     fine = replace(camera, width=camera.width * samples, height=camera.height * samples)
     view = asset.elements.view(fine, threads=threads)
     image = view.framed(radiance_in_view(asset.lit(light), view, fine))

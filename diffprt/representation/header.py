@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from safetensors import SafetensorError, safe_open
 
 from diffprt.errors import InputError
+from diffprt.file_content import check_content, missing
 
 if TYPE_CHECKING:
     import numpy as np
@@ -27,8 +28,14 @@ def read_header(path: str | Path) -> dict:
         InputError: missing, unreadable, truncated, or not an asset of this version.
     """
     path = Path(path)
-    if not path.is_file():
-        raise InputError(f"asset {path} does not exist: give a .prt file, made by 'diffprt bake'")
+    wanted = "a .prt file, made by 'diffprt bake'"
+    if path.is_dir():
+        raise InputError(f"asset {path} does not exist as a file, it is a folder: give {wanted}")
+    if not path.exists():
+        raise missing(path, "asset", wanted)
+    if path.is_file() and path.stat().st_size == 0:
+        raise InputError(f"asset {path} is damaged or not an asset (it has 0 bytes): bake it again")
+    check_content(path, "asset", (".prt",))
     try:
         with safe_open(path, framework="np") as file:
             text = (file.metadata() or {}).get(KEY)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import torch
 
 from diffprt.errors import InputError
+from diffprt.options.numbers import check_numbers
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,11 @@ class Camera:
             azimuth: degrees around +y, 0 looks from +z, 90 from +x.
             elevation: degrees above the horizon.
             margin: 1 touches the frame.
+
+        Raises:
+            InputError: an angle or a size is out of range.
         """
+        check_numbers({"azimuth": azimuth, "elevation": elevation, "fov": fov})
         points = positions.detach().double()
         center = (points.amin(0) + points.amax(0)) / 2
         a, e = math.radians(azimuth), math.radians(elevation)

@@ -80,7 +80,10 @@ class Scene:
         path = Path(path)
         parts = read_parts(path).turned_up(up)
         parts = parts.recentered() if recenter else parts
-        meshes, materials, report = assembled(parts, name=path.stem, non_finite=non_finite, winding=winding)
+        try:
+            meshes, materials, report = assembled(parts, name=path.stem, non_finite=non_finite, winding=winding)
+        except InputError as error:
+            raise error.of(path) from error.__cause__
         return Scene(meshes, materials, path.stem, report)
 
     @staticmethod

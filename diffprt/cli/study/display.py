@@ -9,6 +9,7 @@ import typer
 from diffprt.cli.from_options import from_options
 from diffprt.cli.outputs import JsonFile, check_output, write_report
 from diffprt.cli.tables import print_table, say, size_text
+from diffprt.cli.terminal import print
 from diffprt.options.study import DisplayOptions
 
 

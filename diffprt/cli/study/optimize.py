@@ -9,6 +9,7 @@ import typer
 from diffprt.cli.outputs import JsonFile, check_output, write_report
 from diffprt.cli.parsing import parse_clusters
 from diffprt.cli.tables import print_table, say, size_text
+from diffprt.cli.terminal import print
 
 
 def run(

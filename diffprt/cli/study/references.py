@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import typer
 
-from diffprt.cli.outputs import check_output
+from diffprt.cli.outputs import JsonFile, check_output, write_report
 from diffprt.cli.tables import say
+from diffprt.cli.terminal import print
 
 
 def run(
@@ -20,8 +22,10 @@ def run(
     bounces: int = typer.Option(6, help="Interreflections."),
     seed: int = typer.Option(0, help="Of views, turns and paths."),
     output: Path = typer.Option(Path("references"), "-o", "--output", help="The folder."),
+    json_file: Path = JsonFile,
 ) -> None:
-    asked = {name: value for name, value in locals().items() if name not in ("source", "light", "count", "output")}
+    asked = {"order": order, "size": size, "samples": samples, "bounces": bounces, "seed": seed}
+    begun = time.perf_counter()
     from diffprt.optimization import save_references
     from diffprt.study.optimization.references import mitsuba_references
 
@@ -29,3 +33,6 @@ def run(
     made = mitsuba_references(source, light, count, **asked, say=say)
     save_references(made, output)
     print(f"{output}: {count} pictures by Mitsuba")
+    report = {"settings": {"source": source, "lights": light, **asked}, "counts": {"pictures": count}}
+    report |= {"timings": {"total": time.perf_counter() - begun}, "outputs": {"references": str(output)}}
+    write_report(json_file, "study references", report)

@@ -8,6 +8,7 @@ import typer
 
 from diffprt.cli.outputs import JsonFile, check_output, write_report
 from diffprt.cli.parsing import parse_clusters
+from diffprt.cli.terminal import print
 
 
 def run(

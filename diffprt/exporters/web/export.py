@@ -136,7 +136,8 @@ def page_of(asset: Representation, options: ExportOptions) -> Page:
             "script": joined_scripts(),
         }
     )
-    content = page.encode()
+    # A title may hold bytes that are no text, from a file name.
+    content = page.encode("utf-8", "replace")
     parts = {**store.bytes, "page": len(content) - sum(store.bytes.values())}
     return Page(content, camera, parts, counts, own.programs, collected.left_out)
 

@@ -14,6 +14,7 @@ from diffprt.rendering import FrozenView, auto_exposure, pixel_radiance
 # Bands that no light has still count a little: components could not be told apart there.
 _LEAST_PRIOR = 1e-4
 _COVERED = 1 - 1e-6
+_SEEDS = (1 << 63) - 1
 
 
 class Pictures:
@@ -81,7 +82,7 @@ class Pictures:
         picked = []
         for position in range(step * size, (step + 1) * size):
             turn, place = divmod(position, len(self.trained))
-            generator = torch.Generator().manual_seed(self.seed * 1_000_003 + turn)
+            generator = torch.Generator().manual_seed((self.seed * 1_000_003 + turn) & _SEEDS)
             order = torch.randperm(len(self.trained), generator=generator)
             picked.append(self.trained[int(order[place])])
         return picked

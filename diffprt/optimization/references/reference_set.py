@@ -10,7 +10,9 @@ import torch
 
 from diffprt.errors import InputError
 from diffprt.optimization.references.references import Reference, References, bounds_of
+from diffprt.options.numbers import check_numbers, number_text
 from diffprt.rendering import render
+from diffprt.rendering.memory import check_picture
 from diffprt.representation import Elements, Representation
 from diffprt.scene import Camera, Light
 
@@ -89,7 +91,9 @@ def make_references(
     if asset.compressed:
         raise InputError("references are made of uncompressed transfer, this asset is compressed: give what bake made")
     if not 1 <= count <= 100_000:
-        raise InputError(f"reference set has {count} pictures: give 1 to 100000")
+        raise InputError(f"reference set has {number_text(count)} pictures: give 1 to 100000")
+    check_numbers({"seed": seed, "samples": samples})
+    check_picture(Camera((0.0, 0.0, 1.0), (0.0, 0.0, 0.0), width=width, height=height), samples, count)
     cameras = random_cameras(asset.elements, count, width=width, height=height, seed=seed)
     turned = random_lights(lights, count, seed=seed)
     shown = turned if turn else [lights[i % len(lights)] for i in range(count)]

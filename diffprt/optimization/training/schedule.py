@@ -37,7 +37,7 @@ class Schedule:
         """
         if steps is not None and not 1 <= steps <= _MOST_STEPS:
             raise InputError(f"steps is {steps}: give 1 to {_MOST_STEPS}, such as {_STEPS}")
-        if seconds is not None and not 0 < seconds < math.inf:
+        if seconds is not None and not 0 < seconds <= 1e9:
             raise InputError(f"seconds is {seconds}: give a number above 0, such as 30")
         if tolerance is not None and not 0 < tolerance < 1:
             raise InputError(f"tolerance is {tolerance}: give a relative error between 0 and 1, such as 0.01")

@@ -5,12 +5,17 @@ from __future__ import annotations
 import json
 import struct
 from pathlib import Path
+from urllib.parse import unquote
 
 import numpy as np
+import torch
+from PIL import Image
 from trimesh.exchange.gltf import load_glb, load_gltf
 from trimesh.resolvers import FilePathResolver
 
+from diffprt.errors import InputError
 from diffprt.scene.material import Material
+from diffprt.scene.readers.gltf_files import check_buffers, texture_of
 from diffprt.scene.readers.parts import Part, Parts, texture_from_picture
 
 # Primitive modes that trimesh reads: points, lines, triangles, strips.
@@ -25,9 +30,10 @@ def read_gltf(path: Path) -> Parts:
     albedo. Skins, morph targets and texture transforms are left out.
     """
     header = _header(path)
+    check_buffers(path, header)
     with path.open("rb") as file:
         loader = load_glb if path.suffix.lower() == ".glb" else load_gltf
-        loaded = loader(file, resolver=FilePathResolver(str(path)))
+        loaded = loader(file, resolver=_Beside(str(path)))
     primitives = [p for m in header.get("meshes", []) for p in m["primitives"] if p.get("mode", 4) in _MODES_READ]
     geometry = loaded["geometry"]
     order = {name: index for index, name in enumerate(geometry)}
@@ -39,9 +45,15 @@ def read_gltf(path: Path) -> Parts:
         picture = getattr(getattr(visual, "material", None), "baseColorTexture", None)
         if picture is not None:
             pictures.setdefault(primitive.get("material"), picture)
+    used = {primitive.get("material") for primitive in primitives}
     for index, described in enumerate(header.get("materials", [])):
         factor = described.get("pbrMetallicRoughness", {}).get("baseColorFactor", [1.0, 1.0, 1.0])[:3]
-        texture = texture_from_picture(pictures[index]) if index in pictures else None
+        texture = None
+        if index in used and (named := texture_of(path, header, described, result.notes)) is not None:
+            if index in pictures:
+                texture = _texture(pictures[index], named)
+            else:
+                result.notes.append(f"{named} cannot be read: its factor is used")
         through = described.get("extensions", {}).get("KHR_materials_diffuse_transmission", {})
         if "diffuseTransmissionTexture" in through or "diffuseTransmissionColorTexture" in through:
             result.notes.append(f"material {index} has textures of diffuse transmission: left out")
@@ -70,6 +82,21 @@ def read_gltf(path: Path) -> Parts:
     if header.get("skins"):
         result.notes.append("skins are left out: meshes are in their bind pose")
     return result
+
+
+class _Beside(FilePathResolver):
+    """Files beside the glTF file, whose names are percent-encoded in it."""
+
+    def get(self, name: str) -> bytes:
+        return super().get(unquote(name))
+
+
+def _texture(picture: Image.Image, named: str) -> torch.Tensor:
+    """A decoded texture; it is decoded only now."""
+    try:
+        return texture_from_picture(picture)
+    except (OSError, ValueError, SyntaxError) as error:
+        raise InputError(f"{named} is damaged ({error}): export it again") from error
 
 
 def _part(loaded: dict, material: int, name: str) -> Part:

@@ -7,6 +7,7 @@ from importlib import import_module
 from pathlib import Path
 
 from diffprt.errors import InputError
+from diffprt.file_content import check_content, missing
 from diffprt.scene.readers.parts import Parts
 
 # Each is imported when a file asks for it: parsers take longer to load than small files to read.
@@ -34,17 +35,16 @@ def read_parts(path: Path) -> Parts:
     if path.is_dir():
         raise InputError(f"mesh {path} is a folder: give one file ({', '.join(READERS)})")
     if not path.exists():
-        raise InputError(f"mesh {path} does not exist: give the path of a {', '.join(READERS)} file")
+        raise missing(path, "mesh", f"the path of a {', '.join(READERS)} file")
     if ending not in READERS:
         raise InputError(f"mesh {path} has ending '{ending}': convert it to one of {', '.join(READERS)}")
-    if path.stat().st_size == 0:
-        raise InputError(f"mesh {path} has 0 bytes: export it again")
+    check_content(path, "mesh")
     module, _, reader = READERS[ending].partition(":")
     read = getattr(import_module(f"diffprt.scene.readers.{module}"), reader)
     try:
         result = read(path)
-    except InputError:
-        raise
+    except InputError as error:
+        raise error.of(path) from error.__cause__
     except Exception as error:
         # The parsers raise whatever a damaged file makes them stumble on.
         reason = " ".join(str(error).split())[:160] or type(error).__name__

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from diffprt.errors import InputError
+from diffprt.file_content import check_content
 from diffprt.images import read_image
 from diffprt.scene.material import Material
 from diffprt.scene.readers.corners import weld
@@ -109,6 +110,8 @@ def _read_libraries(path: Path, libraries: list[str], result: Parts) -> dict[str
         if not file.is_file():
             result.notes.append(f"material library {library} is missing: default materials are used")
             continue
+        if file.stat().st_size:
+            check_content(file, "material library")
         name, albedo, texture = None, {}, {}
         for line in file.read_text(encoding="utf-8", errors="replace").splitlines():
             word, _, rest = line.strip().partition(" ")
@@ -117,7 +120,12 @@ def _read_libraries(path: Path, libraries: list[str], result: Parts) -> dict[str
                 name = rest
                 albedo.setdefault(name, (1.0, 1.0, 1.0))
             elif word == "Kd" and name is not None:
-                albedo[name] = tuple(float(x) for x in rest.split()[:3])
+                try:
+                    albedo[name] = tuple(float(x) for x in rest.split()[:3])
+                except ValueError:
+                    raise InputError(
+                        f"material library {file} has Kd '{rest}' of material '{name}': give three numbers"
+                    ) from None
             elif word == "map_Kd" and name is not None:
                 texture[name] = rest.split()[-1] if rest.startswith("-") else rest
         for name, color in albedo.items():

@@ -5,9 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import torch
 from pxr import Ar, Sdf, Tf, Usd, UsdGeom, UsdShade
 
 from diffprt.errors import InputError
+from diffprt.file_content import content_of
 from diffprt.scene.material import Material
 from diffprt.scene.readers.corners import row_numbers, weld
 from diffprt.scene.readers.parts import Part, Parts, texture_from_bytes
@@ -200,7 +202,7 @@ def _diffuse(surface: UsdShade.Shader, result: Parts, path: str) -> tuple:
         file = file.Get(_START) if file else None
         data = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(file.resolvedPath)) if file else None
         if data:
-            return (1.0, 1.0, 1.0), texture_from_bytes(bytes(data.GetBuffer()))
+            return (1.0, 1.0, 1.0), _texture(bytes(data.GetBuffer()), f"texture {file.path} of material {path}")
         result.notes.append(f"texture {file.path if file else ''} of material {path} is missing: grey is used")
         return (0.18, 0.18, 0.18), None
     value = sources[0].Get(_START) if sources else diffuse.Get(_START)
@@ -208,3 +210,13 @@ def _diffuse(surface: UsdShade.Shader, result: Parts, path: str) -> tuple:
         result.notes.append(f"material {path} has a diffuseColor that is not constant or one texture: grey is used")
         return (0.18, 0.18, 0.18), None
     return tuple(float(np.clip(x, 0, 1)) for x in value), None
+
+
+def _texture(data: bytes, named: str) -> torch.Tensor:
+    """The texture in the bytes of a picture."""
+    try:
+        return texture_from_bytes(data)
+    except (OSError, ValueError, SyntaxError) as error:
+        found = content_of(data)
+        reason = str(error) if found is None or found.endings else found.name
+        raise InputError(f"{named} is no picture that can be read ({reason}): give a PNG or a JPEG") from error

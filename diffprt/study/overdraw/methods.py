@@ -62,7 +62,7 @@ class Method:
         name, equals, coherence = rest.partition("=")
         if name not in (PEER, PATCHES, *METHODS):
             raise InputError(f"method '{name}' is unknown: use one of {', '.join([*METHODS, PEER, PATCHES])}")
-        if at and not (registers.isdecimal() and int(registers) > 0):
+        if at and not (registers.isdecimal() and len(registers) < 10 and int(registers) > 0):
             raise InputError(f"method '{text}' has registers '{registers}': give a count, such as {name}@256")
         for what, sign, value in (("registers", at, registers), ("slack", tilde, slack)):
             if sign and name not in _FOR_PASSES:
