@@ -1,5 +1,5 @@
 """`python -m diffprt` is the command `diffprt`."""
 
-from diffprt.cli import main
+from diffprt.cli.process import run
 
-main()
+run()
