@@ -67,6 +67,9 @@ def _run(arguments: list[str]) -> None:
         sys.stderr.close()
         sys.exit(141)
     except Exception as error:
+        if type(error).__name__ == "NoArgsIsHelpError":
+            print(error.format_message(), file=sys.stderr)  # pyright: ignore[reportAttributeAccessIssue]
+            sys.exit(2)
         if _is_usage_error(error):
             fail(f"{_offending(error, arguments)}{error.format_message()} (see 'diffprt --help')", 2)  # pyright: ignore[reportAttributeAccessIssue]
         if (message := told(error)) is None:
