@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import os
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +12,11 @@ import OpenImageIO as oiio
 import torch
 
 from diffprt.errors import InputError
+from diffprt.whole_file import write_whole
 
 READABLE = (".hdr", ".exr", ".png", ".jpg", ".jpeg", ".tif", ".tiff")
 _LARGEST_PIXELS = 1 << 28
+_PNG_END = b"IEND\xaeB`\x82"
 
 
 def read_image(path: str | Path) -> torch.Tensor:
@@ -81,20 +85,40 @@ def write_image(path: str | Path, image: torch.Tensor) -> None:
     if path.suffix.lower() == ".hdr":
         pixels = pixels.expand(-1, -1, 3)
     pixels = pixels.contiguous().numpy()
+    write_whole(path, lambda partial: _write(partial, pixels), "image")
+
+
+def _write(path: Path, pixels: np.ndarray) -> None:
+    """Writes float32 [H, W, C] and reads it again: writers say nothing of a full disk."""
     height, width, channels = pixels.shape
     kind = oiio.UINT8 if path.suffix.lower() == ".png" else oiio.FLOAT
-    partial = path.with_name(f".{path.stem}.{os.getpid()}.partial{path.suffix}")
-    target = oiio.ImageOutput.create(str(partial))
+    target = oiio.ImageOutput.create(str(path))
     spec = oiio.ImageSpec(width, height, channels, kind)
+    # Else the time of day, and other bytes each time.
+    spec.attribute("DateTime", "")
     if kind == oiio.FLOAT:
         spec.attribute("compression", "zip")
     else:
         spec.attribute("oiio:UnassociatedAlpha", 1)
-    written = target is not None and target.open(str(partial), spec) and target.write_image(pixels)
+    written = target is not None and target.open(str(path), spec) and target.write_image(pixels)
     reason = (target.geterror() if target is not None else oiio.geterror()).strip()
     if target is not None:
         written = target.close() and written
-    if not written:
-        partial.unlink(missing_ok=True)
-        raise InputError(f"image {path} cannot be written ({reason}): choose a folder that you may write")
-    partial.replace(path)
+    if written and _whole(path, pixels.shape):
+        return
+    if shutil.disk_usage(path.parent).free < pixels.nbytes:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    raise OSError(errno.EIO, " ".join(reason.split()) or "what was written cannot be read again")
+
+
+def _whole(path: Path, shape: tuple[int, ...]) -> bool:
+    """Whether a file that was just written holds a picture of that shape."""
+    with path.open("rb") as file:
+        # libpng prints a line of its own where a file is cut off.
+        file.seek(-min(len(_PNG_END), path.stat().st_size), os.SEEK_END)
+        if path.suffix.lower() == ".png" and file.read() != _PNG_END:
+            return False
+    try:
+        return tuple(read_image(path).shape) == shape
+    except InputError:
+        return False
