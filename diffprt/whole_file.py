@@ -4,20 +4,15 @@ from __future__ import annotations
 
 import errno
 import os
-import re
+import shutil
 import stat
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from pathlib import Path
 
 from diffprt.errors import InputError
-
-try:
-    import fcntl
-except ImportError:
-    fcntl = None
+from diffprt.partial_files import clean_partials, held, held_folder, partial_name
 
 _REMEDIES = {
     errno.ENOSPC: "free some space, or write elsewhere",
@@ -26,12 +21,6 @@ _REMEDIES = {
     errno.ENAMETOOLONG: "give a shorter name",
 }
 _REMEDY = "choose a folder that you may write"
-# Partial files hold this much of a name, so that they are never too long where the name itself is not.
-_SHOWN = 50
-_PARTIAL = re.compile(r"\..*\.(\d{1,10})\.partial(\..*)?", re.DOTALL)
-# Looking for what killed writers left may take this share of the time.
-_SHARE = 0.05
-_looked: dict[Path, float] = {}
 _kept: ContextVar[dict[tuple[int, int], str]] = ContextVar("kept")
 
 
@@ -60,10 +49,10 @@ def write_whole(path: Path, content: bytes | Callable[[Path], object], what: str
     """
     check_target(path, what)
     clean_partials(path.parent)
-    partial = path.with_name(f".{path.stem[:_SHOWN]}.{os.getpid()}.partial{path.suffix[:8]}")
+    partial = path.with_name(partial_name(path.stem, path.suffix))
     try:
         try:
-            with _held(partial) as handle:
+            with held(partial) as handle:
                 if isinstance(content, bytes):
                     with open(handle, "wb", closefd=False) as file:
                         file.write(content)
@@ -83,8 +72,47 @@ def write_whole(path: Path, content: bytes | Callable[[Path], object], what: str
     return path
 
 
-def check_target(path: Path, what: str) -> None:
+def write_together(folder: Path, writers: Mapping[str, Callable[[Path], object]], what: str) -> None:
+    """Writes files of one folder that belong together: until all of them are on disk, those that were there stay.
+
+    The last one vouches for the others: it is removed before the first of them changes, and comes when all are there.
+
+    Args:
+        folder: made if missing.
+        writers: by name, what writes a file to the path that it is given, whole or not at all.
+        what: what they are, for messages.
+
+    Raises:
+        InputError: one cannot be written, or is none that can be replaced.
+    """
+    make_folder(folder)
+    for name in writers:
+        check_target(folder / name, what)
+    clean_partials(folder)
+    partial = folder / partial_name("together")
+    try:
+        shutil.rmtree(partial, ignore_errors=True)
+        partial.mkdir()
+        try:
+            with held_folder(partial):
+                for name, write in writers.items():
+                    write(partial / name)
+            (folder / list(writers)[-1]).unlink(missing_ok=True)
+            for name in writers:
+                (partial / name).replace(folder / name)
+            _flush(folder)
+        finally:
+            shutil.rmtree(partial, ignore_errors=True)
+    except OSError as error:
+        raise InputError(f"{what} {folder} cannot be written ({error.strerror}): {_remedy(error)}") from error
+
+
+def check_target(path: Path, what: str, *, folder: bool = False) -> None:
     """Refuses a path that no file can have or replace, before any work.
+
+    Args:
+        what: what it is, for the message.
+        folder: a folder is fine too.
 
     Raises:
         InputError: it is a folder, a pipe or a device, its name is too long or no text, or it is kept (`keeping`).
@@ -103,7 +131,7 @@ def check_target(path: Path, what: str) -> None:
         return
     except ValueError as error:
         raise InputError(f"{what} {text!r} has a name that no file can have: give another name") from error
-    if not stat.S_ISREG(found.st_mode):
+    if not (stat.S_ISREG(found.st_mode) or (folder and stat.S_ISDIR(found.st_mode))):
         kind = "folder" if stat.S_ISDIR(found.st_mode) else "pipe" if stat.S_ISFIFO(found.st_mode) else "device"
         raise InputError(f"{what} {path} cannot be written (it is a {kind}): give the name of a file")
     kept = _kept.get({}).get((found.st_dev, found.st_ino))
@@ -124,57 +152,6 @@ def keeping(files: dict[Path, str]) -> Iterator[None]:
         yield
     finally:
         _kept.reset(token)
-
-
-def clean_partials(folder: Path) -> None:
-    """Removes the partial files in a folder whose writers are dead; those of living ones stay."""
-    begun = time.monotonic()
-    if os.name != "posix" or begun < _looked.get(folder, 0.0):
-        return
-    with suppress(OSError), os.scandir(folder) as entries:
-        for entry in entries:
-            found = _PARTIAL.fullmatch(entry.name)
-            if found and not _alive(int(found[1])):
-                with suppress(OSError):
-                    _remove_unless_held(entry.path)
-    now = time.monotonic()
-    _looked[folder] = now + (now - begun) / _SHARE
-
-
-def _alive(process: int) -> bool:
-    """Whether there is such a process here."""
-    try:
-        os.kill(process, 0)
-    except (ProcessLookupError, OverflowError):
-        return False
-    except OSError:
-        return True
-    return True
-
-
-def _remove_unless_held(path: str) -> None:
-    """Removes a partial file that no process holds, not even one of another machine or container."""
-    handle = os.open(path, os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK)
-    try:
-        if fcntl is not None:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        os.unlink(path)
-    finally:
-        os.close(handle)
-
-
-@contextmanager
-def _held(path: Path) -> Iterator[int]:
-    """A new, empty file, locked where the system can, so that `clean_partials` elsewhere sees its writer alive."""
-    path.unlink(missing_ok=True)
-    handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)
-    try:
-        if fcntl is not None:
-            with suppress(OSError):
-                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        yield handle
-    finally:
-        os.close(handle)
 
 
 def _remedy(error: OSError) -> str:

@@ -10,6 +10,7 @@ import typer
 from diffprt.cli.from_options import from_options
 from diffprt.cli.outputs import JsonFile, check_ending, check_output, write_report
 from diffprt.cli.parsing import parse_bounces
+from diffprt.cli.paths import InputName, InputNames, OutputFile, OutputWithParts
 from diffprt.cli.tables import print_table, size_text
 from diffprt.errors import InputError
 from diffprt.options import CONVERGED, BakeOptions
@@ -21,11 +22,11 @@ if TYPE_CHECKING:
 
 @from_options(BakeOptions, bounces=parse_bounces)
 def run(
-    source: str = typer.Argument(
+    source: InputName = typer.Argument(
         ..., metavar="SCENE", help="A .glb, .gltf, .obj, .ply, .stl or .usd file, or builtin:NAME."
     ),
-    output: Path = typer.Option(Path("asset.prt"), "-o", "--output", help="The asset to write (.prt)."),
-    planned: str = typer.Option(
+    output: OutputWithParts = typer.Option(Path("asset.prt"), "-o", "--output", help="The asset to write (.prt)."),
+    planned: InputName = typer.Option(
         "off", "--plan", help="off; on: simulate what the scene calls for; or the light (sky, a map) it is for."
     ),
     brdf: list[str] = typer.Option(
@@ -36,12 +37,12 @@ def run(
     albedo: str = typer.Option(None, help="Replaces every albedo: 0.8 or r,g,b."),
     up: str = typer.Option(None, help="The axis of the file that points up: x, y, z or -x, -y, -z; y by default."),
     ground: bool = typer.Option(False, help="Add a ground that catches shadows."),
-    occluder: list[str] = typer.Option([], help="A mesh that only blocks light; may be repeated."),
+    occluder: InputNames = typer.Option([], help="A mesh that only blocks light; may be repeated."),
     non_finite: str = typer.Option("refuse", help="refuse, or drop: what to do with NaN vertices."),
     winding: str = typer.Option("repair", help="repair, or keep: for rooms that are seen from within."),
     recenter: bool = typer.Option(False, help="Move the scene to the origin before its coordinates are rounded."),
     dry_run: bool = typer.Option(False, help="Print expected time, memory and bytes; do nothing."),
-    json_file: Path = JsonFile,
+    json_file: OutputFile = JsonFile,
     *,
     options: BakeOptions,
 ) -> None:

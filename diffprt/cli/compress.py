@@ -8,6 +8,7 @@ import typer
 
 from diffprt.cli.from_options import from_options
 from diffprt.cli.outputs import JsonFile, check_ending, check_output, write_report
+from diffprt.cli.paths import InputFile, InputFiles, OutputFile
 from diffprt.cli.tables import size_text
 from diffprt.errors import InputError
 from diffprt.options.compress import CompressOptions
@@ -16,12 +17,12 @@ from diffprt.progress import status
 
 @from_options(CompressOptions)
 def run(
-    source: Path = typer.Argument(..., metavar="ASSET", help="A .prt file made by 'diffprt bake'."),
-    output: Path = typer.Option(Path("compressed.prt"), "-o", "--output", help="The asset to write (.prt)."),
-    prior: list[Path] = typer.Option(
+    source: InputFile = typer.Argument(..., metavar="ASSET", help="A .prt file made by 'diffprt bake'."),
+    output: OutputFile = typer.Option(Path("compressed.prt"), "-o", "--output", help="The asset to write (.prt)."),
+    prior: InputFiles = typer.Option(
         None, help="An environment map (repeatable): weigh errors as such lights show them."
     ),
-    json_file: Path = JsonFile,
+    json_file: OutputFile = JsonFile,
     *,
     options: CompressOptions,
 ) -> None:

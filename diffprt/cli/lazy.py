@@ -12,6 +12,8 @@ import typer
 from typer.core import TyperGroup
 from typer.main import get_command, get_group
 
+from diffprt.cli.paths import with_checked_paths
+
 _PLAIN = {"pretty_exceptions_enable": False, "rich_markup_mode": None}
 
 
@@ -36,9 +38,11 @@ def _command(package: str, name: str) -> Any:
     """What the parser runs for a name."""
     module = importlib.import_module(f"{package}.{name}")
     if hasattr(module, "app"):
+        for command in module.app.registered_commands:
+            command.callback = with_checked_paths(command.callback)
         return get_group(module.app)
     single = typer.Typer(add_completion=False, **_PLAIN)
-    single.command(name, help=module.__doc__)(interruptible(module.run))
+    single.command(name, help=module.__doc__)(interruptible(with_checked_paths(module.run)))
     return get_command(single)
 
 

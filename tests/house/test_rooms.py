@@ -18,8 +18,8 @@ KERNELS = Path(diffprt.kernels.__file__).parent
 # Each room imports only what stands before it, for types too, and wherever in a file the import stands. `diffprt` is
 # the face of the whole: what stands behind it may import from it.
 ROOMS = (
-    "kernels", "errors", "progress", "whole_file", "torch_threads", "images", "options", "sh", "brdf", "scene",
-    "representation", "surface", "planning", "transfer", "compression", "shading", "rendering", "optimization",
+    "kernels", "errors", "progress", "partial_files", "whole_file", "torch_threads", "images", "options", "sh", "brdf",
+    "scene", "representation", "surface", "planning", "transfer", "compression", "shading", "rendering", "optimization",
     "inverse", "exporters", "diffprt", "study", "demo", "cli", "__main__",
 )  # fmt: skip
 

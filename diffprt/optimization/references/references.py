@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -22,12 +22,12 @@ from diffprt.representation import Elements
 from diffprt.scene import Camera
 from diffprt.scene.srgb import linear_from_srgb
 from diffprt.shading import srgb_encode
-from diffprt.whole_file import make_folder, write_whole
+from diffprt.whole_file import write_together, write_whole
 
 VERSION = 1
 FILE = "references.json"
 UNITS = "linear radiance [W/m²/sr]"
-_MOST = 100_000
+MOST = 100_000
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,8 @@ def bounds_of(elements: Elements) -> tuple[tuple[float, ...], ...]:
 
 
 def save_references(references: References, folder: str | Path, *, format: str = "exr") -> None:
-    """Writes pictures and `references.json`; the latter last, so that a folder with one is whole.
+    """Writes pictures and `references.json`; the latter last, so that a folder with one is whole. Until all are
+    written, a set that was there stays.
 
     Args:
         format: "exr" keeps linear radiance in float32; "png" has 8 bits and clips at 1.
@@ -137,13 +138,11 @@ def save_references(references: References, folder: str | Path, *, format: str =
     """
     if format not in ("exr", "png"):
         raise InputError(f"reference format '{format}' is unknown: use exr or png")
-    folder = Path(folder)
-    make_folder(folder)
-    rows = []
-    for index, entry in enumerate(references):
-        name = f"{index:04d}.{format}"
-        write_image(folder / name, entry.image if format == "exr" else srgb_encode(entry.image.clamp(0, 1)))
-        rows.append({"image": name, "camera": asdict(entry.camera), "light": entry.light.double().tolist()})
+    names = picture_names(len(references), format)
+    rows = [
+        {"image": name, "camera": asdict(entry.camera), "light": entry.light.double().tolist()}
+        for name, entry in zip(names, references, strict=True)
+    ]
     content = {
         "version": VERSION,
         "units": UNITS,
@@ -153,7 +152,19 @@ def save_references(references: References, folder: str | Path, *, format: str =
         "samples": references.samples,
         "references": rows,
     }
-    write_whole(folder / FILE, f"{json.dumps(content, indent=1, sort_keys=True)}\n".encode(), "references")
+    text = f"{json.dumps(content, indent=1, sort_keys=True)}\n".encode()
+
+    def picture(entry: Reference) -> Callable[[Path], object]:
+        encode = (lambda image: image) if format == "exr" else (lambda image: srgb_encode(image.clamp(0, 1)))
+        return lambda path: write_image(path, encode(entry.image))
+
+    writers = {name: picture(entry) for name, entry in zip(names, references, strict=True)}
+    write_together(Path(folder), {**writers, FILE: lambda path: write_whole(path, text, "references")}, "references")
+
+
+def picture_names(count: int, format: str = "exr") -> list[str]:
+    """What the pictures of a set are called."""
+    return [f"{index:04d}.{format}" for index in range(count)]
 
 
 def load_references(folder: str | Path) -> References:
@@ -173,8 +184,8 @@ def load_references(folder: str | Path) -> References:
         if version != VERSION:
             raise InputError(f"references {file} has version {version}, this diffprt reads {VERSION}: make them again")
         rows = content["references"]
-        if not 1 <= len(rows) <= _MOST:
-            raise InputError(f"references {file} lists {len(rows)} pictures: give 1 to {_MOST}")
+        if not 1 <= len(rows) <= MOST:
+            raise InputError(f"references {file} lists {len(rows)} pictures: give 1 to {MOST}")
         entries = tuple(_entry(folder, row) for row in rows)
         bounds = tuple(tuple(float(x) for x in corner) for corner in content.get("bounds", ()))
         return References(entries, str(content.get("scene_hash", "")), bounds, int(content.get("samples", 1)))
