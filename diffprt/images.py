@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -38,12 +39,14 @@ def read_image(path: str | Path) -> torch.Tensor:
         raise InputError(f"image {path} {found}: give the path of a {', '.join(READABLE)} file")
     as_stored = oiio.ImageSpec()
     as_stored.attribute("oiio:UnassociatedAlpha", 1)
-    source = oiio.ImageInput.open(str(path), as_stored)
+    try:
+        source = oiio.ImageInput.open(str(path), as_stored)
+    except UnicodeError as error:
+        raise InputError(f"image {path} has a name that is not UTF-8: rename it") from error
     if source is None:
-        reason = oiio.geterror().splitlines()
+        reason = _said(oiio.geterror)
         raise InputError(
-            f"image {path} cannot be read ({reason[0] if reason else 'unknown format'}): "
-            f"give a valid {', '.join(READABLE)} file"
+            f"image {path} cannot be read ({reason or 'unknown format'}): give a valid {', '.join(READABLE)} file"
         )
     try:
         spec = source.spec()
@@ -53,11 +56,21 @@ def read_image(path: str | Path) -> torch.Tensor:
             )
         pixels = source.read_image(oiio.FLOAT)
         if pixels is None:
-            raise InputError(f"image {path} is damaged ({source.geterror()}): write it again")
+            raise InputError(f"image {path} is damaged ({_said(source.geterror)}): write it again")
+    except UnicodeError as error:
+        raise InputError(f"image {path} is damaged (it holds text that is not UTF-8): write it again") from error
     finally:
         source.close()
     pixels = np.ascontiguousarray(pixels, dtype=np.float32)
     return torch.from_numpy(pixels.reshape(spec.height, spec.width, -1))
+
+
+def _said(error: Callable[[], str]) -> str:
+    """What OpenImageIO says of an error, in one line; it repeats bytes of damaged files, which may be no text."""
+    try:
+        return "".join(c if c.isprintable() else " " for c in " ".join(error().split()))[:200]
+    except UnicodeError:
+        return "it holds text that is not UTF-8"
 
 
 def write_image(path: str | Path, image: torch.Tensor) -> None:

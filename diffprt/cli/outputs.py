@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
+import math
 import platform
 from importlib.metadata import version
 from pathlib import Path
@@ -12,6 +12,7 @@ import typer
 
 from diffprt.errors import InputError
 from diffprt.kernels import default_threads
+from diffprt.partial_files import partial_name
 from diffprt.whole_file import write_whole
 
 JsonFile = typer.Option(None, "--json", metavar="FILE", help="Write timings, counts, errors and settings here.")
@@ -34,7 +35,7 @@ def check_output(path: Path, *, directory: bool = False) -> Path:
         raise InputError(f"output {path} is a folder: give the name of a file")
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        probe = folder / f".diffprt-{os.getpid()}"
+        probe = folder / partial_name("probe")
         probe.touch()
         probe.unlink()
     except OSError as error:
@@ -45,12 +46,22 @@ def check_output(path: Path, *, directory: bool = False) -> Path:
 
 
 def write_report(file: Path | None, command: str, report: dict) -> None:
-    """Writes a report as JSON, whole or not at all; nothing without a file."""
+    """Writes a report as JSON, whole or not at all, numbers that are not finite as null; nothing without a file."""
     if file is None:
         return
     check_output(file)
-    content = {"command": command, "machine": machine(), **report}
-    write_whole(file, f"{json.dumps(content, indent=2, sort_keys=True, default=str)}\n".encode(), "report")
+    content = _finite({"command": command, "machine": machine(), **report})
+    text = json.dumps(content, indent=2, sort_keys=True, default=str, allow_nan=False)
+    write_whole(file, f"{text}\n".encode(), "report")
+
+
+def _finite(value: object) -> object:
+    """As JSON can hold it: null in place of a number that is not finite."""
+    if isinstance(value, dict):
+        return {key: _finite(held) for key, held in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(held) for held in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def machine() -> dict:

@@ -115,7 +115,8 @@ def _reference_set(
 
     from diffprt.cli.scenes import load_light
     from diffprt.optimization import make_references, save_references
-    from diffprt.optimization.references.references import FILE, MOST, picture_names
+    from diffprt.optimization.references.listing import MOST
+    from diffprt.optimization.references.references import FILE, picture_names
     from diffprt.representation import files as assets
     from diffprt.whole_file import check_target
 

@@ -31,8 +31,8 @@ def save(asset: Representation, path: str | Path) -> int:
         its size in bytes.
 
     Raises:
-        InputError: the folder cannot be written, `asset` is of no type that is saved, or `load` would refuse it: numbers
-            that are not finite or out of range, another dtype, or settings that are not plain or too long.
+        InputError: the folder cannot be written, `asset` is of no type that is saved, or `load` would refuse it:
+            numbers that are not finite or out of range, another dtype, or settings that are not plain or too long.
     """
     path = Path(path)
     if not isinstance(asset, Representation):

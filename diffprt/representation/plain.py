@@ -25,7 +25,7 @@ def parse_plain(text: str | bytes, what: str, remedy: str) -> Any:
     """
 
     def refuse(constant: str) -> NoReturn:
-        raise InputError(f"{what} holds {constant}, which is no finite number: {remedy}")
+        raise InputError(f"{what} holds {constant}, which is not finite: give finite numbers, or {remedy}")
 
     try:
         value = json.loads(text, parse_constant=refuse)

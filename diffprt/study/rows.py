@@ -51,7 +51,7 @@ class Rows:
             try:
                 entry = json.loads(line)
                 self.rows[entry["key"]] = entry["row"]
-            except (ValueError, KeyError, TypeError):
+            except (ValueError, KeyError, TypeError, RecursionError):
                 continue
 
     def add(self, key: str, row: dict) -> None:

@@ -37,8 +37,8 @@ def nested(depth: int) -> object:
 
 # As JSON text, for not all of it can be written.
 HOSTILE = [
-    "null", "true", "[]", "{}", '""', "0", "-1", "1.5", "1e400", "-1e400", "NaN", "Infinity", "1" * 400, "-" + "9" * 400,
-    "1" * 5000, "1e308", '"' + "x" * 300 + '"', '"' + "x" * 70000 + '"', '"\\ud800"', '"\\u0000"', '"\\u001b[2J"',
+    "null", "true", "[]", "{}", '""', "0", "-1", "1.5", "1e400", "-1e400", "NaN", "Infinity", "1" * 400,
+    "-" + "9" * 400, "1" * 5000, "1e308", '"' + "x" * 300 + '"', '"' + "x" * 70000 + '"', '"\\ud800"', '"\\u0000"', '"\\u001b[2J"',
     '"[/x]"', '"../../x"', "[[1, 2], [3]]", '{"a": [1, {"b": null}]}', "[" * 900 + "]" * 900, json.dumps(nested(31)),
     json.dumps(nested(29)), "[" + "1," * 3000 + "1]", '{"name": "ggx", "roughness": "rough"}', '{"": ""}', "2",
 ]  # fmt: skip
@@ -176,10 +176,10 @@ def test_mutants_are_refused_in_one_line_or_sound(seeds, kind, what, tmp_path):
     ("change", "words"),
     [
         ({"settings": {"note": "x" * (1 << 20)}}, "most of them settings"),
-        ({"settings": {"rays": float("nan")}}, "nan, no finite number as rays"),
-        ({"settings": {"a": {"b": [1, float("inf")]}}}, "inf, no finite number as a.b"),
-        ({"settings": {"seed": 10**400}}, "beyond 2^64 as seed"),
-        ({"settings": {"where": Path("a")}}, "as where"),
+        ({"settings": {"rays": float("nan")}}, "nan, no finite number as settings.rays"),
+        ({"settings": {"a": {"b": [1, float("inf")]}}}, "inf, no finite number as settings.a.b"),
+        ({"settings": {"seed": 10**400}}, "as settings.seed"),
+        ({"settings": {"where": Path("a")}}, "as settings.where"),
         ({"settings": {"size": (1, 2)}}, "a tuple"),
         ({"settings": {1: 2}}, "a key that is no text"),
         ({"settings": {"name": "\ud800"}}, "no Unicode"),
@@ -234,7 +234,7 @@ def saved_sound(folder: Path) -> Path:
 @pytest.mark.parametrize("dtype", [torch.float16, torch.bfloat16])
 def test_dtypes_that_load_would_refuse_are_not_saved(dtype, tmp_path):
     asset = REPRESENTATIONS["glossy_transfer"].make()
-    with pytest.raises(InputError, match="glossy of dtype .*, wanted float32 or float64"):
+    with pytest.raises(InputError, match=r"glossy of dtype .*, wanted float32 or float64"):
         save(asset.with_signal(asset.glossy.to(dtype)), tmp_path / "a.prt")
 
 

@@ -14,7 +14,7 @@ from diffprt.errors import InputError
 from diffprt.whole_file import write_whole
 
 _KEY = "diffprt optimize"
-_VERSION = 1
+_VERSION = 2
 
 
 def fingerprint(tensors: list[torch.Tensor], settings: dict) -> str:
@@ -35,7 +35,8 @@ def write_checkpoint(path: Path, run: str, tensors: dict[str, torch.Tensor], pro
     Raises:
         InputError: the file cannot be written.
     """
-    header = json.dumps({"version": _VERSION, "run": run, "progress": progress}, sort_keys=True)
+    digest = _digest(tensors, progress)
+    header = json.dumps({"version": _VERSION, "run": run, "progress": progress, "digest": digest}, sort_keys=True)
     data = safetensors.torch.save({name: t.contiguous() for name, t in tensors.items()}, metadata={_KEY: header})
     write_whole(path, data, "checkpoint")
 
@@ -53,7 +54,9 @@ def read_checkpoint(path: Path, run: str) -> tuple[dict[str, torch.Tensor], dict
             header = json.loads((file.metadata() or {})[_KEY])
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
         version, found, progress = header["version"], header["run"], header["progress"]
-    except (safetensors.SafetensorError, OSError, ValueError, KeyError, TypeError) as error:
+        if version == _VERSION and header["digest"] != _digest(tensors, progress):
+            raise ValueError("its content is not what was written")
+    except (safetensors.SafetensorError, OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         raise InputError(f"checkpoint {path} is damaged or not one: delete it and start anew") from error
     if version != _VERSION or found != run:
         raise InputError(
@@ -61,3 +64,9 @@ def read_checkpoint(path: Path, run: str) -> tuple[dict[str, torch.Tensor], dict
             "delete the file"
         )
     return tensors, progress
+
+
+def _digest(tensors: dict[str, torch.Tensor], progress: dict) -> str:
+    """SHA-256 of what a checkpoint holds: bits that flipped are found."""
+    names = sorted(tensors)
+    return fingerprint([tensors[name] for name in names], {"names": names, "progress": progress})
