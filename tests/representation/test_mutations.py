@@ -25,7 +25,7 @@ from diffprt.scene import Camera
 from diffprt.shading import shade
 
 # More by hand: DIFFPRT_MUTATIONS=400.
-CASES = int(os.environ.get("DIFFPRT_MUTATIONS", "24"))
+CASES = int(os.environ.get("DIFFPRT_MUTATIONS", "16"))
 
 
 def nested(depth: int) -> object:

@@ -45,7 +45,7 @@ class Part:
         """
         count = len(self.positions)
         faces = np.asarray(self.faces)
-        faces = faces.reshape(0, 3) if faces.size == 0 else faces
+        faces = np.zeros((0, 3), dtype=np.int64) if faces.size == 0 else faces
         wanted = {"positions": (count, 3), "normals": (count, 3), "uv": (count, 2), "colors": (count, 3)}
         arrays = {name: getattr(self, name) for name in wanted} | {"faces": faces}
         for name, values in arrays.items():
