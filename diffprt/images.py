@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import os
+import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +14,11 @@ import torch
 
 from diffprt.errors import InputError
 from diffprt.file_content import check_content, missing
+from diffprt.whole_file import write_whole
 
 READABLE = (".hdr", ".exr", ".png", ".jpg", ".jpeg", ".tif", ".tiff")
 _LARGEST_PIXELS = 1 << 28
+_PNG_END = b"IEND\xaeB`\x82"
 
 
 def read_image(path: str | Path) -> torch.Tensor:
@@ -38,12 +43,14 @@ def read_image(path: str | Path) -> torch.Tensor:
     check_content(path, "image")
     as_stored = oiio.ImageSpec()
     as_stored.attribute("oiio:UnassociatedAlpha", 1)
-    source = oiio.ImageInput.open(str(path), as_stored)
+    try:
+        source = oiio.ImageInput.open(str(path), as_stored)
+    except UnicodeError as error:
+        raise InputError(f"image {path} has a name that is not UTF-8: rename it") from error
     if source is None:
-        reason = oiio.geterror().splitlines()
+        reason = _said(oiio.geterror)
         raise InputError(
-            f"image {path} cannot be read ({reason[0] if reason else 'unknown format'}): "
-            f"give a valid {', '.join(READABLE)} file"
+            f"image {path} cannot be read ({reason or 'unknown format'}): give a valid {', '.join(READABLE)} file"
         )
     try:
         spec = source.spec()
@@ -53,11 +60,21 @@ def read_image(path: str | Path) -> torch.Tensor:
             )
         pixels = source.read_image(oiio.FLOAT)
         if pixels is None:
-            raise InputError(f"image {path} is damaged ({source.geterror()}): write it again")
+            raise InputError(f"image {path} is damaged ({_said(source.geterror)}): write it again")
+    except UnicodeError as error:
+        raise InputError(f"image {path} is damaged (it holds text that is not UTF-8): write it again") from error
     finally:
         source.close()
     pixels = np.ascontiguousarray(pixels, dtype=np.float32)
     return torch.from_numpy(pixels.reshape(spec.height, spec.width, -1))
+
+
+def _said(error: Callable[[], str]) -> str:
+    """What OpenImageIO says of an error, in one line; it repeats bytes of damaged files, which may be no text."""
+    try:
+        return "".join(c if c.isprintable() else " " for c in " ".join(error().split()))[:200]
+    except UnicodeError:
+        return "it holds text that is not UTF-8"
 
 
 def write_image(path: str | Path, image: torch.Tensor) -> None:
@@ -85,20 +102,40 @@ def write_image(path: str | Path, image: torch.Tensor) -> None:
     if path.suffix.lower() == ".hdr":
         pixels = pixels.expand(-1, -1, 3)
     pixels = pixels.contiguous().numpy()
+    write_whole(path, lambda partial: _write(partial, pixels), "image")
+
+
+def _write(path: Path, pixels: np.ndarray) -> None:
+    """Writes float32 [H, W, C] and reads it again: writers say nothing of a full disk."""
     height, width, channels = pixels.shape
     kind = oiio.UINT8 if path.suffix.lower() == ".png" else oiio.FLOAT
-    partial = path.with_name(f".{path.stem}.{os.getpid()}.partial{path.suffix}")
-    target = oiio.ImageOutput.create(str(partial))
+    target = oiio.ImageOutput.create(str(path))
     spec = oiio.ImageSpec(width, height, channels, kind)
+    # Else the time of day, and other bytes each time.
+    spec.attribute("DateTime", "")
     if kind == oiio.FLOAT:
         spec.attribute("compression", "zip")
     else:
         spec.attribute("oiio:UnassociatedAlpha", 1)
-    written = target is not None and target.open(str(partial), spec) and target.write_image(pixels)
+    written = target is not None and target.open(str(path), spec) and target.write_image(pixels)
     reason = (target.geterror() if target is not None else oiio.geterror()).strip()
     if target is not None:
         written = target.close() and written
-    if not written:
-        partial.unlink(missing_ok=True)
-        raise InputError(f"image {path} cannot be written ({reason}): choose a folder that you may write")
-    partial.replace(path)
+    if written and _whole(path, pixels.shape):
+        return
+    if shutil.disk_usage(path.parent).free < pixels.nbytes:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    raise OSError(errno.EIO, " ".join(reason.split()) or "what was written cannot be read again")
+
+
+def _whole(path: Path, shape: tuple[int, ...]) -> bool:
+    """Whether a file that was just written holds a picture of that shape."""
+    with path.open("rb") as file:
+        # libpng prints a line of its own where a file is cut off.
+        file.seek(-min(len(_PNG_END), path.stat().st_size), os.SEEK_END)
+        if path.suffix.lower() == ".png" and file.read() != _PNG_END:
+            return False
+    try:
+        return tuple(read_image(path).shape) == shape
+    except InputError:
+        return False

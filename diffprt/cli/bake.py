@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import typer
@@ -13,6 +12,7 @@ from diffprt.cli.clock import command_begun
 from diffprt.cli.from_options import from_options
 from diffprt.cli.outputs import BatchJson, check_output
 from diffprt.cli.parsing import parse_bounces, parse_color
+from diffprt.cli.paths import AssetsWithParts, InputName, InputNames, OutputReports
 from diffprt.cli.tables import print_table, size_text
 from diffprt.cli.terminal import print
 from diffprt.errors import InputError
@@ -25,16 +25,16 @@ if TYPE_CHECKING:
 
 @from_options(BakeOptions, bounces=parse_bounces)
 def run(
-    source: list[str] = typer.Argument(
+    source: InputNames = typer.Argument(
         ...,
         metavar="SCENE...",
         help="A .glb, .gltf, .obj, .ply, .stl or .usd file, or builtin:NAME; of several, a failure does not stop the "
         "others.",
     ),
-    output: str = typer.Option(
+    output: AssetsWithParts = typer.Option(
         "asset.prt", "-o", "--output", help="The asset to write (.prt); for several scenes the folder for one of each."
     ),
-    planned: str = typer.Option(
+    planned: InputName = typer.Option(
         "off", "--plan", help="off; on: simulate what the scene calls for; or the light (sky, a map) it is for."
     ),
     brdf: list[str] = typer.Option(
@@ -45,12 +45,12 @@ def run(
     albedo: str = typer.Option(None, help="Replaces every albedo: 0.8 or r,g,b."),
     up: str = typer.Option(None, help="The axis of the file that points up: x, y, z or -x, -y, -z; y by default."),
     ground: bool = typer.Option(False, help="Add a ground that catches shadows."),
-    occluder: list[str] = typer.Option([], help="A mesh that only blocks light; may be repeated."),
+    occluder: InputNames = typer.Option([], help="A mesh that only blocks light; may be repeated."),
     non_finite: str = typer.Option("refuse", help="refuse, or drop: what to do with NaN vertices."),
     winding: str = typer.Option("repair", help="repair, or keep: for rooms that are seen from within."),
     recenter: bool = typer.Option(False, help="Move the scene to the origin before its coordinates are rounded."),
     dry_run: bool = typer.Option(False, help="Print expected time, memory and bytes; do nothing."),
-    reports: Path = BatchJson,
+    reports: OutputReports = BatchJson,
     *,
     options: BakeOptions,
 ) -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 import typer
 
 from diffprt.cli.mistakes import told
-from diffprt.cli.outputs import check_ending, check_report, write_report
+from diffprt.cli.outputs import STDOUT, check_ending, check_report, write_report
 from diffprt.cli.tables import print_table, size_text
 from diffprt.cli.terminal import one_line, print
 from diffprt.errors import InputError, Interrupted
@@ -51,11 +51,15 @@ def items(sources: Sequence[str], output: str, ending: str) -> list[Item]:
                 f"{other.source} and {source} would both be written to {item.target}: rename one, or give each its "
                 "own folder"
             )
-    given = {path.resolve() for source in sources if (path := Path(source)).exists()}
-    for item in made.values():
-        if item.target.resolve() in given:
-            raise InputError(f"output {item.target} is one of the files that are read: give another folder with -o")
     return list(made.values())
+
+
+def report_files(todo: Sequence[Item], reports: Path) -> list[Path]:
+    """Where reports go: one file, or in a folder one of each."""
+    alone = len(todo) == 1
+    if reports.is_dir() or not (alone or reports.suffix):
+        return [reports / f"{item.target.stem}.json" for item in todo]
+    return [reports]
 
 
 def run_batch(command: str, todo: list[Item], reports: Path | None, one: Callable[[Item], dict]) -> None:
@@ -69,14 +73,13 @@ def run_batch(command: str, todo: list[Item], reports: Path | None, one: Callabl
         typer.Exit: with status 1, some of several failed.
         Interrupted: Ctrl-C, once the report of what is done is written.
     """
-    alone = len(todo) == 1
-    folder = reports is not None and str(reports) != "-" and (reports.is_dir() or not (alone or reports.suffix))
-    for file in [] if reports is None else [_report_of(item, reports) for item in todo] if folder else [reports]:
+    files = [] if reports is None else [reports] if reports == STDOUT else report_files(todo, reports)
+    for file in files:
         check_report(file)
-    if alone:
-        report = one(todo[0])
-        write_report(_report_of(todo[0], reports) if folder and reports else reports, command, report)
+    if len(todo) == 1:
+        write_report(files[0] if files else None, command, one(todo[0]))
         return
+    each = dict(zip(todo, files, strict=True)) if files and files != [reports] else {}
     begun, rows = time.perf_counter(), []
     stopped: KeyboardInterrupt | None = None
     for number, item in enumerate(todo, 1):
@@ -88,8 +91,7 @@ def run_batch(command: str, todo: list[Item], reports: Path | None, one: Callabl
         try:
             report = one(item)
             row |= {"status": "done", "report": report}
-            if folder and reports is not None:
-                write_report(_report_of(item, reports), command, report)
+            write_report(each.get(item), command, report)
         except KeyboardInterrupt as interrupt:
             stopped = interrupt
             row |= {"status": "interrupted"}
@@ -99,17 +101,13 @@ def run_batch(command: str, todo: list[Item], reports: Path | None, one: Callabl
             row |= {"status": "failed", "error": message}
             print(f"diffprt: {one_line(message)}", file=sys.stderr, flush=True)
         rows.append(row | {"seconds": time.perf_counter() - start})
-    _summarize(command, rows, None if folder else reports, time.perf_counter() - begun)
+    _summarize(command, rows, None if each else reports, time.perf_counter() - begun)
     done = sum(row["status"] == "done" for row in rows)
     if stopped is not None:
         last = f"{stopped}; " if str(stopped) else ""
         raise Interrupted(f"{last}{done} of {len(rows)} inputs are finished and kept") from stopped
     if done < len(rows):
         raise typer.Exit(1)
-
-
-def _report_of(item: Item, folder: Path) -> Path:
-    return folder / f"{item.target.stem}.json"
 
 
 def _summarize(command: str, rows: list[dict], file: Path | None, seconds: float) -> None:

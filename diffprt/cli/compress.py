@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import typer
 
 from diffprt.cli.batch import Item, items, run_batch
 from diffprt.cli.from_options import from_options
 from diffprt.cli.outputs import BatchJson, check_output
+from diffprt.cli.paths import InputFiles, InputNames, OutputAssets, OutputReports
 from diffprt.cli.tables import size_text
 from diffprt.cli.terminal import print
 from diffprt.errors import InputError
@@ -18,18 +17,18 @@ from diffprt.progress import status
 
 @from_options(CompressOptions)
 def run(
-    source: list[str] = typer.Argument(
+    source: InputNames = typer.Argument(
         ...,
         metavar="ASSET...",
         help="A .prt file made by 'diffprt bake'; of several, a failure does not stop the others.",
     ),
-    output: str = typer.Option(
+    output: OutputAssets = typer.Option(
         "compressed.prt", "-o", "--output", help="The asset to write (.prt); for several the folder for one of each."
     ),
-    prior: list[Path] = typer.Option(
+    prior: InputFiles = typer.Option(
         None, help="An environment map (repeatable): weigh errors as such lights show them."
     ),
-    reports: Path = BatchJson,
+    reports: OutputReports = BatchJson,
     *,
     options: CompressOptions,
 ) -> None:

@@ -7,17 +7,18 @@ from pathlib import Path
 import typer
 
 from diffprt.cli.outputs import JsonFile, check_output, write_report
+from diffprt.cli.paths import OutputFile, OutputFolder
 from diffprt.cli.tables import print_table, size_text
 from diffprt.cli.terminal import print
 from diffprt.progress import track
 
 
 def run(
-    output: Path = typer.Option(Path("demo"), "-o", "--output", help="The folder to write into."),
+    output: OutputFolder = typer.Option(Path("demo"), "-o", "--output", help="The folder to write into."),
     order: int = typer.Option(6, help="SH bands."),
     rays: int = typer.Option(1024, help="Rays per receiver."),
     bounces: int = typer.Option(2, help="Diffuse interreflections."),
-    json_file: Path = JsonFile,
+    json_file: OutputFile = JsonFile,
 ) -> None:
     from diffprt.demo import run_demo
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import shutil
 import time
 from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
 
 from diffprt.cli.outputs import JsonFile, machine, write_report
+from diffprt.cli.paths import OutputFile
 from diffprt.cli.tables import print_table, size_text
 from diffprt.errors import InputError
 from diffprt.progress import status
@@ -21,7 +21,7 @@ OPTIONAL = {
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 
 
-def run(json_file: Path = JsonFile) -> None:
+def run(json_file: OutputFile = JsonFile) -> None:
     from diffprt.kernels import compile_kernels
     from diffprt.kernels.binary_tree import build_subtree
     from diffprt.kernels.mesh import trace_rays

@@ -10,6 +10,7 @@ import typer
 
 from diffprt.cli.from_options import field_option
 from diffprt.cli.outputs import JsonFile, check_output, write_report
+from diffprt.cli.paths import InputFile, InputNames, OutputFile, OutputFolder
 from diffprt.cli.tables import size_text
 from diffprt.cli.terminal import print
 from diffprt.errors import InputError
@@ -20,19 +21,19 @@ if TYPE_CHECKING:
 
 
 def run(
-    source: Path = typer.Argument(..., metavar="ASSET", help="A .prt file."),
-    output: Path = typer.Option(Path("page"), "-o", "--output", help="The folder to write index.html into."),
-    light: list[str] = typer.Option(["sky", "studio"], help="sky, studio, constant or a map; may be repeated."),
+    source: InputFile = typer.Argument(..., metavar="ASSET", help="A .prt file."),
+    output: OutputFolder = typer.Option(Path("page"), "-o", "--output", help="The folder to write index.html into."),
+    light: InputNames = typer.Option(["sky", "studio"], help="sky, studio, constant or a map; may be repeated."),
     window: str = typer.Option("hann", help="none, hann, lanczos or auto: trades contrast for less ringing."),
     curve: str = field_option(ExportOptions, "curve"),
     title: str = field_option(ExportOptions, "title"),
     registers: int = field_option(ExportOptions, "registers"),
-    uncompressed: Path = field_option(ExportOptions, "uncompressed"),
-    before: Path = field_option(ExportOptions, "before"),
-    versions: list[str] = field_option(ExportOptions, "versions", default=[], metavar="NAME=FILE"),
+    uncompressed: InputFile = field_option(ExportOptions, "uncompressed"),
+    before: InputFile = field_option(ExportOptions, "before"),
+    versions: InputNames = field_option(ExportOptions, "versions", default=[], metavar="NAME=FILE"),
     glb: bool = typer.Option(False, "--glb", help="Also scene.glb, and prt.three.js with an example that shows it."),
     shaders: bool = typer.Option(False, "--shaders", help="Also its shaders as GLSL, GLSL ES, HLSL and WGSL."),
-    json_file: Path = JsonFile,
+    json_file: OutputFile = JsonFile,
 ) -> None:
     from diffprt.cli.scenes import load_light
     from diffprt.exporters import export, export_glb, write_shaders, write_three

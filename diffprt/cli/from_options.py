@@ -5,9 +5,11 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Sequence
 from dataclasses import MISSING, fields
-from typing import Any, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 import typer
+
+from diffprt.cli.paths import READS
 
 Parser = Callable[[str | None], Any]
 
@@ -34,6 +36,7 @@ def from_options(kind: type, **parsers: Parser) -> Callable[[Callable[..., None]
     """
     shown = [entry.name for entry in fields(kind) if "help" in entry.metadata]
     types = {name: _parsed(hint) for name, hint in get_type_hints(kind).items()} | dict.fromkeys(parsers, str | None)
+    types |= {e.name: Annotated[types[e.name], READS] for e in fields(kind) if e.metadata.get("reads")}
 
     def decorate(run: Callable[..., None]) -> Callable[..., None]:
         def command(**given: Any) -> None:

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import typer
 
 from diffprt.cli.outputs import JsonFile, write_report
+from diffprt.cli.paths import InputFile, OutputFile
 from diffprt.cli.tables import print_table, size_text
 from diffprt.cli.terminal import print
 from diffprt.representation.header import read_array, read_header
 
 
 def run(
-    source: Path = typer.Argument(..., metavar="ASSET", help="A .prt file."),
-    json_file: Path = JsonFile,
+    source: InputFile = typer.Argument(..., metavar="ASSET", help="A .prt file."),
+    json_file: OutputFile = JsonFile,
 ) -> None:
     header = read_header(source)
     rows = [

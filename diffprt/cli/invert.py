@@ -11,6 +11,7 @@ import typer
 
 from diffprt.cli.outputs import JsonFile, check_ending, check_output, write_report
 from diffprt.cli.parsing import parse_color
+from diffprt.cli.paths import InputFile, OutputFile
 from diffprt.cli.tables import print_table
 from diffprt.cli.terminal import print
 from diffprt.errors import InputError
@@ -29,11 +30,11 @@ References = typer.Option(..., help="A folder of pictures with references.json."
 
 @app.command(help="The light of a set of pictures, as an environment map.")
 def light(
-    source: Path = Source,
-    references: Path = References,
-    output: Path = typer.Option(Path("light.exr"), "-o", "--output", help="An .exr environment map."),
+    source: InputFile = Source,
+    references: InputFile = References,
+    output: OutputFile = typer.Option(Path("light.exr"), "-o", "--output", help="An .exr environment map."),
     order: int = typer.Option(None, help="SH bands to find.  [default: the asset's]"),
-    json_file: Path = JsonFile,
+    json_file: OutputFile = JsonFile,
 ) -> None:
     import torch
 
@@ -59,12 +60,12 @@ def light(
 
 @app.command(help="The albedo of every receiver, from pictures under known lights.")
 def albedo(
-    source: Path = Source,
-    references: Path = References,
-    output: Path = typer.Option(Path("albedo.prt"), "-o", "--output", help="The asset with the albedo found."),
+    source: InputFile = Source,
+    references: InputFile = References,
+    output: OutputFile = typer.Option(Path("albedo.prt"), "-o", "--output", help="The asset with the albedo found."),
     noise: float = typer.Option(None, help="Standard deviation of a pixel, as a share.  [default: what is found]"),
     variation: float = typer.Option(0.05, help="By how much the albedos of neighbors are expected to differ."),
-    json_file: Path = JsonFile,
+    json_file: OutputFile = JsonFile,
 ) -> None:
     from diffprt.inverse import recover_albedo
     from diffprt.optimization import load_references
@@ -83,13 +84,15 @@ def albedo(
 
 @app.command(help="Lights and albedo together, from pictures under two or more unknown lights.")
 def joint(
-    source: Path = Source,
-    references: Path = References,
-    output: Path = typer.Option(Path("albedo.prt"), "-o", "--output", help="The asset; its lights lie beside it."),
+    source: InputFile = Source,
+    references: InputFile = References,
+    output: OutputFile = typer.Option(
+        Path("albedo.prt"), "-o", "--output", help="The asset; its lights lie beside it."
+    ),
     mean_albedo: str = typer.Option("0.5", help="Of what the pictures show, 0.5 or r,g,b: fixes the lights' scale."),
     noise: float = typer.Option(None, help="Standard deviation of a pixel, as a share.  [default: what is found]"),
     variation: float = typer.Option(0.05, help="By how much the albedos of neighbors are expected to differ."),
-    json_file: Path = JsonFile,
+    json_file: OutputFile = JsonFile,
 ) -> None:
     import torch
 

@@ -12,6 +12,7 @@ import typer
 from typer.core import TyperGroup
 from typer.main import get_command, get_group
 
+from diffprt.cli.paths import with_checked_paths
 from diffprt.cli.terminal import one_line
 from diffprt.options.numbers import check_numbers
 from diffprt.options.words import check_words
@@ -41,10 +42,10 @@ def _command(package: str, name: str) -> Any:
     module = importlib.import_module(f"{package}.{name}")
     if hasattr(module, "app"):
         for registered in module.app.registered_commands:
-            registered.callback = guarded(registered.callback)
+            registered.callback = guarded(with_checked_paths(registered.callback))
         return get_group(module.app)
     single = typer.Typer(add_completion=False, **_PLAIN)
-    single.command(name, help=module.__doc__)(guarded(module.run))
+    single.command(name, help=module.__doc__)(guarded(with_checked_paths(module.run)))
     return get_command(single)
 
 

@@ -8,6 +8,7 @@ import typer
 
 from diffprt.cli.outputs import JsonFile, check_ending, check_output, write_report
 from diffprt.cli.parsing import parse_bytes
+from diffprt.cli.paths import InputFile, OutputFile, OutputWithCheckpoint
 from diffprt.cli.tables import size_text
 from diffprt.cli.terminal import print
 from diffprt.options import LOSSES, PARAMETERS
@@ -15,12 +16,16 @@ from diffprt.progress import status, track
 
 
 def run(
-    source: Path = typer.Argument(..., metavar="ASSET", help="A .prt file, such as 'diffprt compress' makes."),
-    references: Path = typer.Option(
+    source: InputFile = typer.Argument(..., metavar="ASSET", help="A .prt file, such as 'diffprt compress' makes."),
+    references: InputFile = typer.Option(
         ..., help="A folder with references.json, made by 'diffprt render ASSET --reference-set 32'."
     ),
-    target: Path = typer.Option(None, help="The uncompressed asset: its transfer settles what pictures leave open."),
-    output: Path = typer.Option(Path("optimized.prt"), "-o", "--output", help="The asset to write (.prt)."),
+    target: InputFile = typer.Option(
+        None, help="The uncompressed asset: its transfer settles what pictures leave open."
+    ),
+    output: OutputWithCheckpoint = typer.Option(
+        Path("optimized.prt"), "-o", "--output", help="The asset to write (.prt)."
+    ),
     parameters: str = typer.Option(None, help=f"Some of {', '.join(PARAMETERS)}, separated by commas."),
     loss: str = typer.Option(None, help=f"Such as 'image + 0.1*ssim'; of {', '.join(LOSSES)}."),
     steps: int = typer.Option(None, help="At most this many; 300 without --seconds."),
@@ -31,9 +36,9 @@ def run(
     learning_rate: float = typer.Option(0.05, help="Above 0, at most 1."),
     held_out: float = typer.Option(0.2, help="Share of the lights that is never trained on."),
     seed: int = typer.Option(0, help="Of batches and of what is held out."),
-    checkpoint: Path = typer.Option(None, help="A file from which --resume goes on; OUTPUT.checkpoint without."),
+    checkpoint: OutputFile = typer.Option(None, help="A file from which --resume goes on; OUTPUT.checkpoint without."),
     resume: bool = typer.Option(False, help="Go on where the same command was interrupted."),
-    json_file: Path = JsonFile,
+    json_file: OutputFile = JsonFile,
 ) -> None:
     from diffprt.optimization import load_references, optimize
     from diffprt.representation import files as assets

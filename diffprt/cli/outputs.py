@@ -17,6 +17,7 @@ from diffprt.cli.terminal import write_document
 from diffprt.errors import InputError
 from diffprt.kernels import default_threads
 from diffprt.lock import lock_file
+from diffprt.partial_files import partial_name
 from diffprt.whole_file import write_whole
 
 # Of docs/report.schema.json; raised when an entry changes its meaning or goes.
@@ -60,7 +61,7 @@ def check_output(path: Path, *, directory: bool = False, hold: bool = True) -> P
     _check_regular(path, "output")
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        probe = folder / f".diffprt-{os.getpid()}"
+        probe = folder / partial_name("probe")
         probe.touch()
         probe.unlink()
     except OSError as error:

@@ -4,23 +4,23 @@ from __future__ import annotations
 
 import textwrap
 import time
-from pathlib import Path
 
 import typer
 
 from diffprt.cli.outputs import JsonFile, write_report
 from diffprt.cli.parsing import parse_bounces
+from diffprt.cli.paths import InputName, InputNames, OutputFile
 from diffprt.cli.terminal import print
 from diffprt.planning.decision import EFFECTS, value_text
 from diffprt.progress import status
 
 
 def run(
-    source: str = typer.Argument(
+    source: InputName = typer.Argument(
         ..., metavar="SCENE", help="A .glb, .gltf, .obj, .ply, .stl or .usd file, or builtin:NAME."
     ),
     tolerance: float = typer.Option(0.01, help="Relative error that all that is left out may have, in (0, 1]."),
-    light: str = typer.Option(None, help="The light to plan for: sky, studio, ..., or an equirectangular map."),
+    light: InputName = typer.Option(None, help="The light to plan for: sky, studio, ..., or an equirectangular map."),
     shadows: bool = typer.Option(None, help="Ask for shadows, or for none."),
     bounces: str = typer.Option(None, help="Ask for this many diffuse interreflections, or converged."),
     channels: int = typer.Option(None, help="Ask for 1 or 3 channels."),
@@ -28,10 +28,10 @@ def run(
     albedo: str = typer.Option(None, help="Replaces every albedo: 0.8 or r,g,b."),
     up: str = typer.Option(None, help="The axis of the file that points up: x, y, z or -x, -y, -z; y by default."),
     ground: bool = typer.Option(False, help="Add a ground that catches shadows."),
-    occluder: list[str] = typer.Option([], help="A mesh that only blocks light; may be repeated."),
+    occluder: InputNames = typer.Option([], help="A mesh that only blocks light; may be repeated."),
     non_finite: str = typer.Option("refuse", help="refuse, or drop: what to do with NaN vertices."),
     winding: str = typer.Option("repair", help="repair, or keep: for rooms that are seen from within."),
-    json_file: Path = JsonFile,
+    json_file: OutputFile = JsonFile,
 ) -> None:
     from diffprt.cli.scenes import load_light, load_scene
     from diffprt.planning import plan

@@ -9,15 +9,20 @@ import typer
 
 from diffprt.cli.outputs import JsonFile, check_ending, check_output, write_report
 from diffprt.cli.parsing import parse_color, parse_number, parse_size
+from diffprt.cli.paths import InputFile, InputName, OutputFile, OutputFolder
 from diffprt.cli.terminal import print
 from diffprt.errors import InputError
 from diffprt.progress import track
 
 
 def run(
-    source: Path = typer.Argument(..., metavar="ASSET", help="A .prt file."),
-    light: str = typer.Option("studio", help="sky, studio, constant, or an equirectangular map (.hdr, .exr, .png)."),
-    output: Path = typer.Option(Path("render.png"), "-o", "--output", help="A .png (display) or .exr (radiance)."),
+    source: InputFile = typer.Argument(..., metavar="ASSET", help="A .prt file."),
+    light: InputName = typer.Option(
+        "studio", help="sky, studio, constant, or an equirectangular map (.hdr, .exr, .png)."
+    ),
+    output: OutputFolder = typer.Option(
+        Path("render.png"), "-o", "--output", help="A .png (display) or .exr (radiance)."
+    ),
     size: str = typer.Option("512", help="Pixels: 512 or 640x480."),
     azimuth: float = typer.Option(25.0, help="Camera, degrees around +y from +z."),
     elevation: float = typer.Option(15.0, help="Camera, degrees above the horizon."),
@@ -31,12 +36,12 @@ def run(
     reference_set: int = typer.Option(
         None, help="Write this many pictures, each of a random view and light, with references.json, to the folder -o."
     ),
-    lights: str = typer.Option(
+    lights: InputName = typer.Option(
         "sky,studio", help="With --reference-set: lights and maps, separated by commas, taken in turn."
     ),
     turn: bool = typer.Option(True, help="With --reference-set: turn every picture's light at random."),
     seed: int = typer.Option(0, help="With --reference-set: of views and turns."),
-    json_file: Path = JsonFile,
+    json_file: OutputFile = JsonFile,
 ) -> None:
     if reference_set is not None:
         names = lights.split(",")
@@ -111,11 +116,16 @@ def _reference_set(
 
     from diffprt.cli.scenes import load_light
     from diffprt.optimization import make_references, save_references
+    from diffprt.optimization.references.listing import MOST
+    from diffprt.optimization.references.references import FILE, picture_names
     from diffprt.representation import files as assets
+    from diffprt.whole_file import check_target
 
     asset = assets.load(source)
     projected = [load_light(light.strip(), asset.order, window=window) for light in lights]
     check_output(folder, directory=True)
+    for name in (*picture_names(min(count, MOST)), FILE):
+        check_target(folder / name, "picture")
     references = make_references(
         asset, projected, count, width=width, height=height, samples=samples, turn=turn, seed=seed, track=track
     )

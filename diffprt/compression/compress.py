@@ -47,6 +47,8 @@ def compress(transfer: TransferAtReceivers, options: CompressOptions) -> Cluster
     vectors = signal.reshape(len(signal), -1)
     faces, shape, components = transfer.receivers.faces, signal.shape[1:], options.components
     prior = weights = per_pass = None
+    if not all(bool(torch.isfinite(part).all()) for part in vectors.detach().split(_ROWS)):
+        raise InputError("transfer has signals that are not finite: bake it again, or repair them first")
     if options.prior is not None:
         prior = check_prior(options.prior, shape[-1])
         weights = prior.expand(shape).reshape(-1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
@@ -217,7 +218,8 @@ def _labeled(asset, outcome: Outcome, settings: dict):
     """The asset with how it was made and its measured error."""
     kept = {key: value for key, value in asset.certificate.items() if not key.startswith("compression")}
     measured = {"optimized_image_relative": outcome.after, "optimized_image_relative_before": outcome.before}
-    made = replace(asset.provenance, certificate={**kept, **measured})
+    finite = {name: error for name, error in measured.items() if math.isfinite(error)}
+    made = replace(asset.provenance, certificate={**kept, **finite})
     return asset.labeled(made.also(settings={"optimize": settings}))
 
 

@@ -10,13 +10,13 @@ from typing import Any
 from diffprt.options.numbers import check_numbers
 
 
-def _option(default: object, text: str, *flags: str) -> Any:
-    return field(default=default, metadata={"help": text, "flags": flags})
+def _option(default: object, text: str, *flags: str, reads: bool = False) -> Any:
+    return field(default=default, metadata={"help": text, "flags": flags, "reads": reads})
 
 
 @dataclass(frozen=True, kw_only=True)
 class StudyOptions:
-    """What every study can be told; "help" in the metadata of a field says what it does.
+    """What every study can be told; in a field's metadata "help" says what it does, "reads" that it names files.
 
     Attributes:
         say: is told what goes on.
@@ -157,7 +157,7 @@ class OverdrawOptions(StudyOptions):
     components: int = _option(8, "Components per cluster.")
     budgets: Sequence[int] = _option((256, 1024, 4096), "float4 registers of a pass; may be repeated.", "--registers")
     lights: Sequence[str] = _option(
-        ("sky", "studio"), "Of the image error: sky, studio or a map; repeatable.", "--light"
+        ("sky", "studio"), "Of the image error: sky, studio or a map; repeatable.", "--light", reads=True
     )
     order: int = _option(6, "SH bands.")
     rays: int = _option(1024, "Rays per receiver.")

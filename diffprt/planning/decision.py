@@ -59,7 +59,10 @@ class Plan:
 
     def as_dict(self) -> dict:
         """Plain values, for the header of an asset and for reports; `from_dict` reads them."""
-        return asdict(self) | {"overridden": list(self.overridden)}
+        decisions = {name: asdict(getattr(self, name)) for name in EFFECTS}
+        for decision in decisions.values():
+            decision["evidence"] = {key: _finite(value) for key, value in decision["evidence"].items()}
+        return asdict(self) | decisions | {"overridden": list(self.overridden)}
 
     @staticmethod
     def from_dict(values: dict) -> Plan:
@@ -71,6 +74,11 @@ class Plan:
         """One line per effect: its name, what is done, and why."""
         rows = [(name, getattr(self, name)) for name in EFFECTS]
         return [f"{name}: {value_text(decision.value)} ({decision.reason})" for name, decision in rows]
+
+
+def _finite(value: object) -> object:
+    """As headers hold it: None in place of a number that is not finite."""
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def value_text(value: bool | int | str) -> str:

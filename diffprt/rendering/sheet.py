@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 import torch
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+from diffprt.whole_file import write_whole
 
 
 def contact_sheet(path: str | Path, pictures: list[list[torch.Tensor]], columns: list[str], rows: list[str]) -> None:
@@ -32,4 +35,11 @@ def contact_sheet(path: str | Path, pictures: list[list[torch.Tensor]], columns:
                 axis.set_title(title, fontsize=11)
             if column == 0:
                 axis.set_ylabel(name, fontsize=11)
-    figure.savefig(path)
+    save_figure(path, figure)
+
+
+def save_figure(path: str | Path, figure: Figure) -> None:
+    """Writes a figure as PNG, whole or not at all; raises InputError where it cannot."""
+    drawn = io.BytesIO()
+    figure.savefig(drawn, format="png")
+    write_whole(Path(path), drawn.getvalue(), "picture")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json
+import math
 from pathlib import Path
 
 import safetensors
@@ -10,11 +10,11 @@ import safetensors.torch
 import torch
 
 from diffprt.errors import InputError
-from diffprt.representation.header import KEY, VERSION, read_header
+from diffprt.representation.header import KEY, VERSION, header_text, read_header, torch_name, wrong_certificate
 from diffprt.representation.interface import Representation
 from diffprt.representation.provenance import Provenance
 from diffprt.representation.registry import kind_of
-from diffprt.representation.spec import mismatch
+from diffprt.representation.spec import Spec, mismatch, wrong_values
 from diffprt.whole_file import write_whole
 
 CONVENTIONS = {
@@ -31,7 +31,8 @@ def save(asset: Representation, path: str | Path) -> int:
         its size in bytes.
 
     Raises:
-        InputError: the folder cannot be written, or `asset` is of no type that is saved.
+        InputError: the folder cannot be written, `asset` is of no type that is saved, or `load` would refuse it:
+            numbers that are not finite or out of range, another dtype, or settings that are not plain or too long.
     """
     path = Path(path)
     if not isinstance(asset, Representation):
@@ -47,16 +48,45 @@ def save(asset: Representation, path: str | Path) -> int:
         "plan": asset.plan,
         "certificate": asset.certificate,
     }
-    tensors = {key: tensor.detach().cpu().contiguous() for key, tensor in {**asset.stored(), **narrow}.items()}
+    text = header_text(header)
+    try:
+        tensors = {key: tensor.detach().cpu().contiguous() for key, tensor in {**asset.stored(), **narrow}.items()}
+        wrong = _wrong(type(asset), header, tensors)
+    except InputError as error:
+        raise InputError(f"asset cannot be saved: {error}") from error
+    if wrong:
+        raise InputError(f"asset cannot be saved: it {wrong}; put that right first")
     # A file has no two names for the same memory.
     first = {tensor.untyped_storage().data_ptr(): key for key, tensor in reversed(tensors.items())}
     apart = {
         key: tensor if first[tensor.untyped_storage().data_ptr()] == key else tensor.clone()
         for key, tensor in tensors.items()
     }
-    data = safetensors.torch.save(apart, metadata={KEY: json.dumps(header, sort_keys=True)})
+    data = safetensors.torch.save(apart, metadata={KEY: text})
     write_whole(path, data, "asset")
     return len(data)
+
+
+def _spec(kind: type[Representation]) -> Spec:
+    return {**kind.spec, **kind.elements_type.spec}
+
+
+def _wrong(kind: type[Representation], header: dict, tensors: dict[str, torch.Tensor]) -> str | None:
+    """What `load` would refuse, in words."""
+    forms = {key: (tuple(t.shape), str(t.dtype).removeprefix("torch.")) for key, t in tensors.items()}
+    return wrong_certificate(header["certificate"]) or _wrong_forms(kind, forms) or wrong_values(_spec(kind), tensors)
+
+
+def _wrong_forms(kind: type[Representation], forms: dict[str, tuple[tuple[int, ...], str]]) -> str | None:
+    """What is wrong with the shapes and dtypes of tensors, in words."""
+    shapes = {key: shape for key, (shape, _) in forms.items()}
+    dtypes = {key: dtype for key, (_, dtype) in forms.items()}
+    wrong = mismatch(_spec(kind), shapes, dtypes)
+    if wrong is None:
+        for key, shape in shapes.items():
+            if math.prod(shape) > _LARGEST_TENSOR:
+                return f"has {key} of shape {list(shape)}, over the limit of {_LARGEST_TENSOR} values"
+    return wrong
 
 
 def _narrowed(values: torch.Tensor, dtypes: tuple[str, ...]) -> torch.Tensor:
@@ -76,24 +106,17 @@ def load(path: str | Path) -> Representation:
         kind = kind_of(header["type"])
     except InputError as error:
         raise InputError(f"asset {path} cannot be read: {error}; 'diffprt info' describes it") from None
-    spec = {**kind.spec, **kind.elements_type.spec}
-    shapes = {key: tuple(entry["shape"]) for key, entry in header["tensors"].items()}
-    wrong = mismatch(spec, shapes)
-    if wrong is not None:
+    found = {key: (tuple(entry["shape"]), torch_name(entry["dtype"])) for key, entry in header["tensors"].items()}
+    wrong = wrong_certificate(header["certificate"]) or _wrong_forms(kind, found)
+    if wrong:
         raise InputError(f"asset {path} {wrong}: bake it again")
-    for key, shape in shapes.items():
-        if torch.Size(shape).numel() > _LARGEST_TENSOR:
-            raise InputError(f"asset {path} has {key} of {shape}, over the limit of {_LARGEST_TENSOR} values")
     try:
         tensors = safetensors.torch.load_file(path)
     except (safetensors.SafetensorError, OSError) as error:
         raise InputError(f"asset {path} is damaged ({str(error).splitlines()[0]}): bake it again") from error
-    for key, tensor in tensors.items():
-        if str(tensor.dtype).removeprefix("torch.") not in spec[key].dtypes:
-            wanted = " or ".join(spec[key].dtypes)
-            raise InputError(f"asset {path} has {key} of dtype {tensor.dtype}, wanted {wanted}: bake it again")
-        if tensor.is_floating_point() and not bool(torch.isfinite(tensor).all()):
-            raise InputError(f"asset {path} has non-finite {key}: bake it again")
+    wrong = wrong_values(_spec(kind), tensors)
+    if wrong:
+        raise InputError(f"asset {path} {wrong}: bake it again")
     try:
         places = {name: tensors.pop(name) for name in kind.elements_type.spec}
         provenance = Provenance(header["settings"], header["plan"], header["certificate"], header["scene_hash"])

@@ -10,6 +10,7 @@ from safetensors import SafetensorError, safe_open
 
 from diffprt.errors import InputError
 from diffprt.file_content import check_content, missing
+from diffprt.representation.plain import check_plain, parse_plain
 
 if TYPE_CHECKING:
     import numpy as np
@@ -18,7 +19,13 @@ KEY = "diffprt"
 VERSION = 1
 _ENTRIES = {"type": str, "scene_hash": str, "settings": dict, "plan": dict, "certificate": dict, "conventions": dict}
 _LARGEST = 1 << 20
-_DEEPEST = 32
+_LONGEST_HASH = 128
+_LETTERS = {"BF": "bfloat", "F": "float", "U": "uint", "I": "int"}
+_REMEDY = "bake it again"
+# Entries of a certificate that begin so are measured: numbers, which rooms compute with.
+_MEASURED = (
+    "noise_", "signal_", "expected_", "estimated_", "receivers_", "compression_", "convergence_", "optimized_",
+)  # fmt: skip
 
 
 def read_header(path: str | Path) -> dict:
@@ -46,18 +53,61 @@ def read_header(path: str | Path) -> dict:
         raise InputError(f"asset {path} is damaged or not an asset ({reason}): bake it again") from error
     if text is None or len(text) > _LARGEST:
         raise InputError(f"asset {path} has no diffprt header: give a .prt file, made by 'diffprt bake'")
-    damaged = InputError(f"asset {path} has a damaged header: bake it again")
-    try:
-        header = json.loads(text)
-        version = header["version"]
-    except (ValueError, KeyError, TypeError, RecursionError) as error:
-        raise damaged from error
-    if version != VERSION:
+    header = parse_plain(text, f"asset {path} has a damaged header: it", _REMEDY)
+    version = header.get("version") if isinstance(header, dict) else None
+    if type(version) is int and version != VERSION:
         raise InputError(f"asset {path} has version {version}, this diffprt reads {VERSION}: bake it again")
-    whole = all(isinstance(header.get(name), kind) for name, kind in _ENTRIES.items())
-    if not (whole and _depth(header) <= _DEEPEST and all(name.isprintable() for name in (header["type"], *shapes))):
-        raise damaged
+    wrong = "" if type(version) is int else "no version"
+    wrong = wrong or wrong_header(header) or next((f"a tensor {n!a}" for n in shapes if not n.isprintable()), "")
+    if wrong:
+        raise InputError(f"asset {path} has a damaged header ({wrong}): bake it again")
     return {**header, "tensors": shapes, "bytes": path.stat().st_size}
+
+
+def header_text(header: dict) -> str:
+    """The text that a file has for a header, if `read_header` takes it.
+
+    Raises:
+        InputError: it does not, and why.
+    """
+    what, remedy = "asset cannot be saved: its header", "leave that out, or make it plain"
+    check_plain(header, what, remedy)
+    if wrong := wrong_header(header):
+        raise InputError(f"{what} has {wrong}: {remedy}")
+    text = json.dumps(header, sort_keys=True)
+    if len(text) > _LARGEST:
+        longest = max(_ENTRIES, key=lambda name: len(json.dumps(header[name])))
+        raise InputError(
+            f"{what} has {len(text)} characters, most of them {longest}, at most {_LARGEST} are read again: shorten it"
+        )
+    return text
+
+
+def wrong_header(header: dict) -> str:
+    """What is wrong with a header of plain values, in words; "" where nothing is."""
+    for name, kind in _ENTRIES.items():
+        if not isinstance(header.get(name), kind):
+            found = f"a {type(header[name]).__name__}" if name in header else "missing"
+            return f"{name} is {found}, wanted a {kind.__name__}"
+    if not header["type"].isprintable():
+        return "type is not printable"
+    if len(header["scene_hash"]) > _LONGEST_HASH or not header["scene_hash"].isprintable():
+        return f"scene_hash is no text of at most {_LONGEST_HASH} printable characters"
+    return ""
+
+
+def wrong_certificate(certificate: dict) -> str:
+    """What is wrong with the numbers of a certificate, in words; "" where nothing is."""
+    for name, value in certificate.items():
+        if name.startswith(_MEASURED) and (isinstance(value, bool) or not isinstance(value, int | float)):
+            return f"has {name} of its certificate as a {type(value).__name__}, wanted a number"
+    return ""
+
+
+def torch_name(dtype: str) -> str:
+    """What torch calls a dtype of a file."""
+    letters = dtype.rstrip("0123456789")
+    return f"{_LETTERS.get(letters, letters.lower())}{dtype[len(letters) :]}"
 
 
 def read_array(path: str | Path, name: str) -> np.ndarray:
@@ -73,12 +123,3 @@ def read_array(path: str | Path, name: str) -> np.ndarray:
         raise InputError(
             f"asset {path} has no readable {name} ({str(error).splitlines()[0]}): bake it again"
         ) from error
-
-
-def _depth(value: object) -> int:
-    """How deep lists and objects are nested; writers of JSON recurse, so it is bounded."""
-    depth, level = 0, [value]
-    while level:
-        held = [list(v.values()) if isinstance(v, dict) else v for v in level if isinstance(v, dict | list)]
-        depth, level = depth + 1, [item for items in held for item in items]
-    return depth

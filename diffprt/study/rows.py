@@ -8,7 +8,10 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import torch
-from safetensors.torch import save_file
+from safetensors.torch import save
+
+from diffprt.errors import InputError
+from diffprt.whole_file import make_folder, write_whole
 
 
 def digest(options: list) -> str:
@@ -18,10 +21,8 @@ def digest(options: list) -> str:
 
 def save_tensors(path: Path, tensors: dict[str, torch.Tensor]) -> None:
     """Keeps tensors that belong to rows; the file appears whole or not at all."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_suffix(".partial")
-    save_file({name: values.contiguous() for name, values in tensors.items()}, partial)
-    partial.replace(path)
+    make_folder(path.parent)
+    write_whole(path, save({name: values.contiguous() for name, values in tensors.items()}), "tensors")
 
 
 def grouped(rows: Iterable[dict], *names: str) -> dict[tuple, list[dict]]:
@@ -33,7 +34,7 @@ def grouped(rows: Iterable[dict], *names: str) -> dict[tuple, list[dict]]:
 
 
 class Rows:
-    """One JSON line for each row; a line cut off by a kill is made again.
+    """One JSON line for each row; a line that cannot be read is made again.
 
     Args:
         path: the file; rows that are in it already are read.
@@ -42,16 +43,19 @@ class Rows:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.rows: dict[str, dict] = {}
-        lines = path.read_text("utf-8").splitlines() if path.exists() else []
+        try:
+            lines = path.read_text("utf-8", errors="replace").splitlines() if path.exists() else []
+        except OSError as error:
+            raise InputError(f"rows {path} cannot be read ({error.strerror}): write elsewhere") from error
         for line in lines:
             try:
                 entry = json.loads(line)
                 self.rows[entry["key"]] = entry["row"]
-            except (ValueError, KeyError, TypeError):
+            except (ValueError, KeyError, TypeError, RecursionError):
                 continue
 
     def add(self, key: str, row: dict) -> None:
         """Keeps a row, in memory and on disk."""
         self.rows[key] = row
-        with self.path.open("a", encoding="utf-8") as file:
-            file.write(json.dumps({"key": key, "row": row}, sort_keys=True) + "\n")
+        lines = (json.dumps({"key": key, "row": row}, sort_keys=True) for key, row in self.rows.items())
+        write_whole(self.path, "".join(f"{line}\n" for line in lines).encode(), "rows")

@@ -35,9 +35,9 @@ class Receivers(Elements):
 
     spec: ClassVar[Spec] = {
         "positions": TensorSpec(("V", 3), ("float32",), per_element=True),
-        "normals": TensorSpec(("V", 3), ("float32",), per_element=True),
-        "albedo": TensorSpec(("V", 3), ("float32",), per_element=True),
-        "faces": TensorSpec(("F", 3), ("int32",)),
+        "normals": TensorSpec(("V", 3), ("float32",), per_element=True, least=-1, most=1),
+        "albedo": TensorSpec(("V", 3), ("float32",), per_element=True, least=0, most=1),
+        "faces": TensorSpec(("F", 3), ("int32",), index_of="V"),
     }
 
     positions: torch.Tensor

@@ -24,8 +24,8 @@ from diffprt.surface.receivers import Receivers
 from diffprt.transfer.glossy.mirrored import MirroredBasis, above_horizon, mirrored
 
 OPENNESS: Spec = {
-    "openness": TensorSpec(("V",), ("float32",), per_element=True, optional=True),
-    "bent_normals": TensorSpec(("V", 3), ("float32",), per_element=True, optional=True),
+    "openness": TensorSpec(("V",), ("float32",), per_element=True, optional=True, least=0, most=1),
+    "bent_normals": TensorSpec(("V", 3), ("float32",), per_element=True, optional=True, least=-1, most=1),
 }
 
 

@@ -247,5 +247,9 @@ def test_doctor_finds_the_kernels(capsys):
 def test_assets_may_be_replaced(folder, tmp_path):
     asset = load(folder / "ball.prt")
     save(asset, tmp_path / "a.prt")
-    assert run("compress", tmp_path / "a.prt", "--clusters", 4, "-o", tmp_path / "a.prt") == 0
-    assert load(tmp_path / "a.prt").clusters == 4
+    save(asset, tmp_path / "c.prt")
+    assert run("compress", tmp_path / "a.prt", "--clusters", 4, "-o", tmp_path / "c.prt") == 0
+    assert load(tmp_path / "c.prt").clusters == 4
+    # Not what it is made of.
+    assert run("compress", tmp_path / "a.prt", "--clusters", 4, "-o", tmp_path / "a.prt") == 2
+    assert not load(tmp_path / "a.prt").compressed

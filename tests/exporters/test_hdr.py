@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import base64
+import json
+import shutil
+import subprocess
+from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 
+import diffprt.exporters
 from diffprt import sh
 from diffprt.exporters import export
 from diffprt.scene import Environment
@@ -81,6 +86,73 @@ def test_maps_are_projected_as_in_python(texels, page, tmp_path) -> None:
     expected = expected * (first[0].sum() / expected[0].sum())
     torch.testing.assert_close(light, expected, rtol=1e-3, atol=1e-3)
     assert page.tab.get_by_label("map").is_checked()
+
+
+def older_runs(texels: np.ndarray) -> bytes:
+    """The older encoding: a texel, then how often it comes again."""
+    out = header()
+    for row in texels:
+        x = 0
+        while x < WIDTH:
+            same = next((i for i in range(x + 1, WIDTH) if (row[i] != row[x]).any()), WIDTH) - x
+            out += row[x].tobytes() + (bytes([1, 1, 1, same - 1]) if same > 1 else b"")
+            x += same
+    return out
+
+
+MEMORY = """
+import { readFileSync } from "node:fs";
+import { projectMap } from "./project_map.js";
+import { readRadiance } from "./radiance_hdr.js";
+const bytes = new Uint8Array(readFileSync(process.argv[2]));
+let largest = 0;
+for (const name of ["Uint8Array", "Float32Array", "Float64Array"]) {
+  const whole = globalThis[name];
+  globalThis[name] = class extends whole {
+    constructor(...given) {
+      super(...given);
+      if (typeof given[0] === "number") largest = Math.max(largest, this.byteLength);
+    }
+  };
+}
+let said = "";
+try {
+  said = projectMap(readRadiance(bytes), 2)[0].toFixed(3);
+} catch (error) {
+  said = error.message;
+}
+console.log(JSON.stringify({ said, largest }));
+"""
+
+
+@pytest.mark.skipif(shutil.which("node") is None, reason="runs the page's parser in Node")
+def test_files_cost_what_they_hold_not_what_they_promise(texels, tmp_path) -> None:
+    """A file of 52 bytes that promises 11584 x 5792 texels took 805 MB."""
+    page = Path(diffprt.exporters.__file__).parent / "web" / "page"
+    for name in ("radiance_hdr.js", "project_map.js", "sh.js"):
+        (tmp_path / name).write_text((page / name).read_text("utf-8"))
+    (tmp_path / "package.json").write_text('{"type": "module"}')
+    (tmp_path / "run.js").write_text(MEMORY)
+    promise = b"#?RADIANCE\n\n-Y 5792 +X 11584\n"
+    row = bytes([2, 2, 11584 >> 8, 11584 & 255])
+    flat_texel, again = bytes([9, 9, 9, 130]), bytes([1, 1, 1, 255])
+    cases = {
+        "tiny": (promise + bytes(52 - len(promise)), "ends before its last row"),
+        "no rows": (promise + bytes(4 * 5792), "ends before its last row"),
+        "newer": (promise + row + bytes([255, 7] * 91 + [155, 7]) * 4 + bytes(30000), "ends before its last row"),
+        "older": (promise + flat_texel + again * 2 + bytes(30000), "leaves its row"),
+        "whole, older": (older_runs(texels), None),
+        "whole, newer": (runs(texels), None),
+    }
+    found = {}
+    for name, (content, words) in cases.items():
+        (tmp_path / "x.hdr").write_bytes(content)
+        done = subprocess.run(["node", "run.js", "x.hdr"], cwd=tmp_path, capture_output=True, text=True, check=True)
+        found[name] = json.loads(done.stdout)
+        assert words is None or words in found[name]["said"], (name, found[name])
+        assert found[name]["largest"] < 1 << 20, (name, found[name])
+    assert found["whole, older"]["said"] == found["whole, newer"]["said"]
+    assert float(found["whole, newer"]["said"]) > 1
 
 
 def test_broken_maps_change_nothing(texels, page) -> None:

@@ -18,10 +18,10 @@ KERNELS = Path(diffprt.kernels.__file__).parent
 # Each room imports only what stands before it, for types too, and wherever in a file the import stands. `diffprt` is
 # the face of the whole: what stands behind it may import from it.
 ROOMS = (
-    "kernels", "errors", "file_content", "progress", "whole_file", "lock", "sealed_tensors", "torch_threads", "images",
-    "options", "sh", "brdf", "scene", "representation", "surface", "planning", "transfer", "compression", "shading",
-    "rendering",
-    "optimization", "inverse", "exporters", "diffprt", "study", "demo", "cli", "__main__",
+    "kernels", "errors", "file_content", "progress", "partial_files", "whole_file", "lock", "sealed_tensors",
+    "torch_threads", "images", "options", "sh", "brdf", "scene", "representation", "surface", "planning", "transfer",
+    "compression", "shading", "rendering", "optimization", "inverse", "exporters", "diffprt", "study", "demo", "cli",
+    "__main__",
 )  # fmt: skip
 
 # Importing files and what they import against the order, until it is mended. Each is asked to be real.

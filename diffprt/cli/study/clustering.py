@@ -8,6 +8,7 @@ import typer
 
 from diffprt.cli.from_options import from_options
 from diffprt.cli.outputs import JsonFile, check_output, write_report
+from diffprt.cli.paths import InputName, OutputFile, OutputFolder
 from diffprt.cli.tables import print_table, say
 from diffprt.cli.terminal import print
 from diffprt.options.study import ClusteringOptions
@@ -16,10 +17,12 @@ from diffprt.options.study import ClusteringOptions
 @from_options(ClusteringOptions)
 def run(
     *,
-    source: str = typer.Argument("builtin:bunny", metavar="SCENE", help="A scene file or builtin:NAME."),
+    source: InputName = typer.Argument("builtin:bunny", metavar="SCENE", help="A scene file or builtin:NAME."),
     options: ClusteringOptions,
-    output: Path = typer.Option(Path("out/clustering"), "-o", "--output", help="The folder that keeps the signal."),
-    json_file: Path = JsonFile,
+    output: OutputFolder = typer.Option(
+        Path("out/clustering"), "-o", "--output", help="The folder that keeps the signal."
+    ),
+    json_file: OutputFile = JsonFile,
 ) -> None:
     from diffprt.study.clustering import clustering_study
 

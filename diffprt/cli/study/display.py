@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import typer
 
 from diffprt.cli.from_options import from_options
 from diffprt.cli.outputs import JsonFile, check_output, write_report
+from diffprt.cli.paths import InputName, OutputFile, OutputFolder
 from diffprt.cli.tables import print_table, say, size_text
 from diffprt.cli.terminal import print
 from diffprt.options.study import DisplayOptions
@@ -16,10 +15,10 @@ from diffprt.options.study import DisplayOptions
 @from_options(DisplayOptions)
 def run(
     *,
-    source: str = typer.Argument("builtin:bunny", metavar="SCENE", help="A scene file or builtin:NAME."),
+    source: InputName = typer.Argument("builtin:bunny", metavar="SCENE", help="A scene file or builtin:NAME."),
     options: DisplayOptions,
-    pictures: Path = typer.Option(None, help="Only takes pictures of the page, into this folder."),
-    json_file: Path = JsonFile,
+    pictures: OutputFolder = typer.Option(None, help="Only takes pictures of the page, into this folder."),
+    json_file: OutputFile = JsonFile,
 ) -> None:
     from diffprt.study.display.pictures import display_pictures
     from diffprt.study.display.study import display_study

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import typer
 
 from diffprt.cli.from_options import from_options
 from diffprt.cli.outputs import JsonFile, write_report
+from diffprt.cli.paths import InputName, OutputFile
 from diffprt.cli.tables import print_table, say
 from diffprt.cli.terminal import print
 from diffprt.options.study import GradientOptions
@@ -15,8 +14,8 @@ from diffprt.options.study import GradientOptions
 
 @from_options(GradientOptions)
 def run(
-    source: str = typer.Argument("builtin:bunny", metavar="SCENE", help="A scene file or builtin:NAME."),
-    json_file: Path = JsonFile,
+    source: InputName = typer.Argument("builtin:bunny", metavar="SCENE", help="A scene file or builtin:NAME."),
+    json_file: OutputFile = JsonFile,
     *,
     options: GradientOptions,
 ) -> None:

@@ -8,20 +8,21 @@ import typer
 
 from diffprt.cli.outputs import JsonFile, check_output, write_report
 from diffprt.cli.parsing import parse_clusters
+from diffprt.cli.paths import InputNames, OutputFile, OutputFolder
 from diffprt.cli.tables import print_table, say, size_text
 from diffprt.cli.terminal import print
 
 
 def run(
-    source: list[str] = typer.Argument(
+    source: InputNames = typer.Argument(
         None, metavar="[SCENE]...", help="Scene files or builtin:NAME.  [default: builtin:bunny]"
     ),
     brdf: list[str] = typer.Option(
         ["diffuse"], help="diffuse, or NAME:KEY=VALUE,... as in 'diffprt bake'; repeatable."
     ),
     size: list[str] = typer.Option(["64x8"], help="CLUSTERSxCOMPONENTS; may be repeated."),
-    train_light: list[str] = typer.Option(["sky", "studio"], help="sky, studio or a map to train on; repeatable."),
-    held_light: list[str] = typer.Option(["sky", "studio"], help="The same of held-out pictures, turned otherwise."),
+    train_light: InputNames = typer.Option(["sky", "studio"], help="sky, studio or a map to train on; repeatable."),
+    held_light: InputNames = typer.Option(["sky", "studio"], help="The same of held-out pictures, turned otherwise."),
     order: int = typer.Option(6, help="SH bands."),
     rays: int = typer.Option(1024, help="Rays per receiver."),
     bounces: int = typer.Option(1, help="Interreflections."),
@@ -29,8 +30,8 @@ def run(
     pixels: int = typer.Option(128, help="Pixels a side."),
     steps: int = typer.Option(100, help="Of training."),
     window: str = typer.Option("auto", help="Of the lights: auto makes them non-negative; none, hann, lanczos, ..."),
-    output: Path = typer.Option(Path("out/optimize"), "-o", "--output", help="The folder; its rows are kept."),
-    json_file: Path = JsonFile,
+    output: OutputFolder = typer.Option(Path("out/optimize"), "-o", "--output", help="The folder; its rows are kept."),
+    json_file: OutputFile = JsonFile,
 ) -> None:
     from diffprt.study.optimization.study import optimize_study
 

@@ -8,6 +8,7 @@ import typer
 
 from diffprt.cli.from_options import from_options
 from diffprt.cli.outputs import JsonFile, check_output, write_report
+from diffprt.cli.paths import InputNames, OutputFile, OutputFolder
 from diffprt.cli.tables import print_table, say, size_text
 from diffprt.cli.terminal import print
 from diffprt.options.study import OverdrawOptions
@@ -17,12 +18,12 @@ from diffprt.study.overdraw.thesis_tables import thesis_table
 @from_options(OverdrawOptions)
 def run(
     *,
-    source: list[str] = typer.Argument(
+    source: InputNames = typer.Argument(
         None, metavar="[SCENE]...", help="Scene files or builtin:NAME.  [default: builtin:bunny]"
     ),
     options: OverdrawOptions,
-    output: Path = typer.Option(Path("out/overdraw"), "-o", "--output", help="The folder; its rows are kept."),
-    json_file: Path = JsonFile,
+    output: OutputFolder = typer.Option(Path("out/overdraw"), "-o", "--output", help="The folder; its rows are kept."),
+    json_file: OutputFile = JsonFile,
 ) -> None:
     from diffprt.study.overdraw.study import overdraw_study
 

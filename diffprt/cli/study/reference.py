@@ -8,14 +8,15 @@ import typer
 
 from diffprt.cli.outputs import JsonFile, check_output, write_report
 from diffprt.cli.parsing import parse_color
+from diffprt.cli.paths import InputName, InputNames, OutputFile, OutputFolder
 from diffprt.cli.tables import print_table
 from diffprt.cli.terminal import print
 
 
 def run(
-    source: str = typer.Argument("builtin:bunny", metavar="SCENE", help="A scene file or builtin:NAME."),
-    light: list[str] = typer.Option(["sky", "studio"], help="sky, studio or a map; may be repeated."),
-    output: Path = typer.Option(Path("out/reference"), "-o", "--output", help="The folder for pictures."),
+    source: InputName = typer.Argument("builtin:bunny", metavar="SCENE", help="A scene file or builtin:NAME."),
+    light: InputNames = typer.Option(["sky", "studio"], help="sky, studio or a map; may be repeated."),
+    output: OutputFolder = typer.Option(Path("out/reference"), "-o", "--output", help="The folder for pictures."),
     order: int = typer.Option(6, help="SH bands."),
     rays: int = typer.Option(4096, help="Rays per receiver."),
     bounces: int = typer.Option(6, help="Interreflections."),
@@ -25,7 +26,7 @@ def run(
     brdf: list[str] = typer.Option([], help="Makes surfaces glossy, as in 'diffprt bake'; may be repeated."),
     order_out: int = typer.Option(None, help="With --brdf: SH bands of exit radiance; --order by default."),
     up: str = typer.Option(None, help="The axis of the file that points up; y by default."),
-    json_file: Path = JsonFile,
+    json_file: OutputFile = JsonFile,
 ) -> None:
     from diffprt.brdf import parse_brdf
     from diffprt.study.reference.study import reference_study

@@ -8,21 +8,22 @@ from pathlib import Path
 import typer
 
 from diffprt.cli.outputs import JsonFile, check_output, write_report
+from diffprt.cli.paths import InputName, InputNames, OutputFile, OutputFolder
 from diffprt.cli.tables import say
 from diffprt.cli.terminal import print
 
 
 def run(
-    source: str = typer.Argument("builtin:bunny", metavar="SCENE", help="A scene file or builtin:NAME."),
-    light: list[str] = typer.Option(["sky", "studio"], help="sky, studio or a map, turned at random; repeatable."),
+    source: InputName = typer.Argument("builtin:bunny", metavar="SCENE", help="A scene file or builtin:NAME."),
+    light: InputNames = typer.Option(["sky", "studio"], help="sky, studio or a map, turned at random; repeatable."),
     count: int = typer.Option(24, help="Pictures."),
     order: int = typer.Option(6, help="SH bands of the lights."),
     size: int = typer.Option(128, help="Pixels a side."),
     samples: int = typer.Option(256, help="Paths per pixel."),
     bounces: int = typer.Option(6, help="Interreflections."),
     seed: int = typer.Option(0, help="Of views, turns and paths."),
-    output: Path = typer.Option(Path("references"), "-o", "--output", help="The folder."),
-    json_file: Path = JsonFile,
+    output: OutputFolder = typer.Option(Path("references"), "-o", "--output", help="The folder."),
+    json_file: OutputFile = JsonFile,
 ) -> None:
     asked = {"order": order, "size": size, "samples": samples, "bounces": bounces, "seed": seed}
     begun = time.perf_counter()

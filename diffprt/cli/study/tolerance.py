@@ -8,6 +8,7 @@ import typer
 
 from diffprt.cli.from_options import from_options
 from diffprt.cli.outputs import JsonFile, check_output, write_report
+from diffprt.cli.paths import InputFile, InputNames, OutputFile, OutputFolder
 from diffprt.cli.tables import print_table, say
 from diffprt.cli.terminal import print
 from diffprt.options.study import ToleranceOptions
@@ -16,14 +17,14 @@ from diffprt.options.study import ToleranceOptions
 @from_options(ToleranceOptions)
 def run(
     *,
-    source: list[str] = typer.Argument(
+    source: InputNames = typer.Argument(
         None, metavar="[SCENE]...", help="Scene files or builtin:NAME.  [default: every built-in scene]"
     ),
-    data: Path = typer.Option(None, help="A folder whose meshes are added."),
+    data: InputFile = typer.Option(None, help="A folder whose meshes are added."),
     random: int = typer.Option(12, help="Random scenes that are added."),
     options: ToleranceOptions,
-    output: Path = typer.Option(Path("out/tolerance"), "-o", "--output", help="The folder for rows and chart."),
-    json_file: Path = JsonFile,
+    output: OutputFolder = typer.Option(Path("out/tolerance"), "-o", "--output", help="The folder for rows and chart."),
+    json_file: OutputFile = JsonFile,
 ) -> None:
     from diffprt.scene import BUILTIN_SCENES
     from diffprt.study.tolerance.study import tolerance_study

@@ -8,17 +8,18 @@ import typer
 
 from diffprt.cli.outputs import JsonFile, check_output, write_report
 from diffprt.cli.parsing import parse_clusters
+from diffprt.cli.paths import InputFile, InputName, OutputFile, OutputFolder
 from diffprt.cli.terminal import print
 
 
 def run(
-    source: str = typer.Argument("builtin:bunny", metavar="SCENE", help="The scene of the references."),
-    folder: Path = typer.Option(..., "--references", help="A folder made by 'diffprt study references'."),
+    source: InputName = typer.Argument("builtin:bunny", metavar="SCENE", help="The scene of the references."),
+    folder: InputFile = typer.Option(..., "--references", help="A folder made by 'diffprt study references'."),
     size: str = typer.Option("64x8", help="CLUSTERSxCOMPONENTS."),
     rays: int = typer.Option(1024, help="Rays per receiver."),
     steps: int = typer.Option(100, help="Of training."),
-    output: Path = typer.Option(Path("out/unseen"), "-o", "--output", help="The folder for the sheet."),
-    json_file: Path = JsonFile,
+    output: OutputFolder = typer.Option(Path("out/unseen"), "-o", "--output", help="The folder for the sheet."),
+    json_file: OutputFile = JsonFile,
 ) -> None:
     from diffprt.optimization import load_references
     from diffprt.study.optimization.unseen import unseen_study

@@ -8,6 +8,7 @@ import typer
 
 from diffprt.cli.from_options import from_options
 from diffprt.cli.outputs import JsonFile, check_output, write_report
+from diffprt.cli.paths import InputNames, OutputFile, OutputFolder
 from diffprt.cli.tables import print_table, say
 from diffprt.cli.terminal import print
 from diffprt.options.study import VisibilityOptions
@@ -18,12 +19,12 @@ _PEER_COLUMNS = ["scene", "rays", "peer", "differ", "fastest way"]
 @from_options(VisibilityOptions)
 def run(
     *,
-    source: list[str] = typer.Argument(
+    source: InputNames = typer.Argument(
         None, metavar="[SCENE]...", help="Scene files or builtin:NAME.  [default: builtin:bunny builtin:closed_box]"
     ),
-    output: Path = typer.Option(Path("out/visibility"), "-o", "--output", help="The folder for the chart."),
+    output: OutputFolder = typer.Option(Path("out/visibility"), "-o", "--output", help="The folder for the chart."),
     options: VisibilityOptions,
-    json_file: Path = JsonFile,
+    json_file: OutputFile = JsonFile,
 ) -> None:
     from diffprt.study.visibility.study import visibility_study
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import torch
 
-from diffprt.compression.clustered.quantize import Quantized, dequantize, quantize
+from diffprt.compression.clustered.quantize import LEVELS, Quantized, dequantize, quantize
 from diffprt.errors import InputError
 from diffprt.representation.spec import FLOATS, Spec, TensorSpec
 
@@ -19,7 +19,7 @@ def clustered_spec(*axes: str) -> Spec:
     """The tensors of a file with clusters of signals [axes], and of the ranges of what is in eight bits."""
     ranges = {name: TensorSpec((f"{name} rows", f"{name} columns"), ("float32",), optional=True) for name in _RANGES}
     return {
-        "labels": TensorSpec(("V",), ("uint8", "uint16", "int32"), per_element=True),
+        "labels": TensorSpec(("V",), ("uint8", "uint16", "int32"), per_element=True, index_of="M"),
         "means": TensorSpec(("M", *axes), _CODES, trainable=True),
         "bases": TensorSpec(("M", "P", *axes), _CODES, trainable=True),
         "weights": TensorSpec(("V", "P"), _CODES, per_element=True, trainable=True),
@@ -81,6 +81,8 @@ def from_tensors(tensors: dict[str, torch.Tensor]) -> dict:
             or not known
         ):
             raise InputError(f"the ranges of {name} do not belong to its {tuple(codes.shape)} codes: compress again")
+        if not bool(torch.isfinite(offsets + LEVELS * steps).all()):
+            raise InputError(f"the ranges of {name} reach beyond what float32 holds: compress again")
         found[name] = dequantize(Quantized(rows, offsets, steps), ranges=ranges).reshape(codes.shape)
     # A float64 signal with weights in few bits comes back in float64 as a whole.
     wide = torch.float64 if any(tensors[name].dtype == torch.float64 for name in _NUMBERS) else torch.float32

@@ -7,27 +7,24 @@ PNG in sRGB, which is decoded.
 from __future__ import annotations
 
 import json
-import math
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import torch
 
 from diffprt import sh
 from diffprt.errors import InputError
 from diffprt.images import read_image, write_image
+from diffprt.optimization.references.listing import MOST_SAMPLES, VERSION, Row, parse_listing
 from diffprt.representation import Elements
 from diffprt.scene import Camera
 from diffprt.scene.srgb import linear_from_srgb
 from diffprt.shading import srgb_encode
-from diffprt.whole_file import make_folder, write_whole
+from diffprt.whole_file import write_together, write_whole
 
-VERSION = 1
 FILE = "references.json"
 UNITS = "linear radiance [W/m²/sr]"
-_MOST = 100_000
 
 
 @dataclass(frozen=True)
@@ -74,6 +71,10 @@ class References:
     def __post_init__(self) -> None:
         if not self.entries:
             raise InputError("there are no references: give at least one picture with camera and light")
+        if not (isinstance(self.samples, int) and 1 <= self.samples <= MOST_SAMPLES):
+            raise InputError(f"references have samples {self.samples}: give 1 to {MOST_SAMPLES} a side")
+        if self.bounds and [len(corner) for corner in self.bounds] != [3, 3]:
+            raise InputError(f"references have bounds {self.bounds}: give two corners of three numbers")
         orders = sorted({sh.order_of_count(len(entry.light)) for entry in self.entries})
         if len(orders) > 1:
             raise InputError(f"references have lights of orders {orders}: project all of them at one")
@@ -127,7 +128,8 @@ def bounds_of(elements: Elements) -> tuple[tuple[float, ...], ...]:
 
 
 def save_references(references: References, folder: str | Path, *, format: str = "exr") -> None:
-    """Writes pictures and `references.json`; the latter last, so that a folder with one is whole.
+    """Writes pictures and `references.json`; the latter last, so that a folder with one is whole. Until all are
+    written, a set that was there stays.
 
     Args:
         format: "exr" keeps linear radiance in float32; "png" has 8 bits and clips at 1.
@@ -137,13 +139,11 @@ def save_references(references: References, folder: str | Path, *, format: str =
     """
     if format not in ("exr", "png"):
         raise InputError(f"reference format '{format}' is unknown: use exr or png")
-    folder = Path(folder)
-    make_folder(folder)
-    rows = []
-    for index, entry in enumerate(references):
-        name = f"{index:04d}.{format}"
-        write_image(folder / name, entry.image if format == "exr" else srgb_encode(entry.image.clamp(0, 1)))
-        rows.append({"image": name, "camera": asdict(entry.camera), "light": entry.light.double().tolist()})
+    names = picture_names(len(references), format)
+    rows = [
+        {"image": name, "camera": asdict(entry.camera), "light": entry.light.double().tolist()}
+        for name, entry in zip(names, references, strict=True)
+    ]
     content = {
         "version": VERSION,
         "units": UNITS,
@@ -153,7 +153,20 @@ def save_references(references: References, folder: str | Path, *, format: str =
         "samples": references.samples,
         "references": rows,
     }
-    write_whole(folder / FILE, f"{json.dumps(content, indent=1, sort_keys=True)}\n".encode(), "references")
+    text = f"{json.dumps(content, indent=1, sort_keys=True)}\n".encode()
+    parse_listing(text, "what would be references.json")
+
+    def picture(entry: Reference) -> Callable[[Path], object]:
+        encode = (lambda image: image) if format == "exr" else (lambda image: srgb_encode(image.clamp(0, 1)))
+        return lambda path: write_image(path, encode(entry.image))
+
+    writers = {name: picture(entry) for name, entry in zip(names, references, strict=True)}
+    write_together(Path(folder), {**writers, FILE: lambda path: write_whole(path, text, "references")}, "references")
+
+
+def picture_names(count: int, format: str = "exr") -> list[str]:
+    """What the pictures of a set are called."""
+    return [f"{index:04d}.{format}" for index in range(count)]
 
 
 def load_references(folder: str | Path) -> References:
@@ -168,28 +181,17 @@ def load_references(folder: str | Path) -> References:
     if not file.is_file():
         raise InputError(f"references {folder} has no {FILE}: make one with 'diffprt render ASSET --reference-set 32'")
     try:
-        content = json.loads(file.read_text("utf-8"))
-        version = content["version"]
-        if version != VERSION:
-            raise InputError(f"references {file} has version {version}, this diffprt reads {VERSION}: make them again")
-        rows = content["references"]
-        if not 1 <= len(rows) <= _MOST:
-            raise InputError(f"references {file} lists {len(rows)} pictures: give 1 to {_MOST}")
-        entries = tuple(_entry(folder, row) for row in rows)
-        bounds = tuple(tuple(float(x) for x in corner) for corner in content.get("bounds", ()))
-        return References(entries, str(content.get("scene_hash", "")), bounds, int(content.get("samples", 1)))
-    except InputError:
-        raise
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError, UnicodeError) as error:
-        raise InputError(f"references {file} is damaged ({error}): make them again") from error
+        text = file.read_bytes()
+    except OSError as error:
+        raise InputError(f"references {file} cannot be read ({error.strerror}): make them again") from error
+    listing = parse_listing(text, f"references {file}")
+    entries = tuple(_entry(folder, row) for row in listing.rows)
+    return References(entries, listing.scene_hash, listing.bounds, listing.samples)
 
 
-def _entry(folder: Path, row: dict) -> Reference:
-    name = str(row["image"])
-    if Path(name).name != name:
-        raise InputError(f"reference picture '{name}' is outside its folder: give names without folders")
-    camera = Camera(**{f.name: _plain(row["camera"][f.name]) for f in fields(Camera)})
-    light = torch.tensor(row["light"], dtype=torch.float32)
+def _entry(folder: Path, row: Row) -> Reference:
+    name, camera = row.image, row.camera
+    light = torch.tensor(row.light, dtype=torch.float32)
     pixels = read_image(folder / name)
     if pixels.shape[2] < 3:
         raise InputError(f"reference picture {folder / name} has {pixels.shape[2]} channels: give RGB")
@@ -201,14 +203,4 @@ def _entry(folder: Path, row: dict) -> Reference:
             f"reference picture {folder / name} is {image.shape[1]} x {image.shape[0]}, its camera {camera.width} x "
             f"{camera.height}: resize one of them"
         )
-    if not bool(torch.isfinite(light).all()):
-        raise InputError(f"the light of reference picture {name} has coefficients that are not finite: make it again")
     return Reference(image, camera, light)
-
-
-def _plain(value: Any) -> Any:
-    """A camera's entry as its type: tuples of numbers, or a finite number."""
-    numbers = value if isinstance(value, list) else [value]
-    if not all(isinstance(x, int | float) and math.isfinite(x) for x in numbers):
-        raise InputError(f"a reference's camera holds {value}: give finite numbers")
-    return tuple(value) if isinstance(value, list) else value

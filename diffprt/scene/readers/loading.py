@@ -49,6 +49,10 @@ def read_parts(path: Path) -> Parts:
         # The parsers raise whatever a damaged file makes them stumble on.
         reason = " ".join(str(error).split())[:160] or type(error).__name__
         raise InputError(f"mesh {path} cannot be read as {ending} ({reason}): export it again") from error
+    try:
+        result.parts = [part.checked() for part in result.parts]
+    except InputError as error:
+        raise InputError(f"mesh {path} is damaged: {error}; export it again") from error
     if not any(len(part.faces) for part in result.parts):
         count = sum(len(part.positions) for part in result.parts)
         raise InputError(f"mesh {path} has {count} vertices and no faces: give a file with triangles")

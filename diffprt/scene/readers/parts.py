@@ -37,6 +37,27 @@ class Part:
     material: int = 0
     name: str = "mesh"
 
+    def checked(self) -> Part:
+        """The part, if its arrays belong together; without faces, [0, 3] in place of whatever shape they have.
+
+        Raises:
+            InputError: an array has another shape, or holds no numbers.
+        """
+        count = len(self.positions)
+        faces = np.asarray(self.faces)
+        faces = np.zeros((0, 3), dtype=np.int64) if faces.size == 0 else faces
+        wanted = {"positions": (count, 3), "normals": (count, 3), "uv": (count, 2), "colors": (count, 3)}
+        arrays = {name: getattr(self, name) for name in wanted} | {"faces": faces}
+        for name, values in arrays.items():
+            if values is None:
+                continue
+            array, shape = np.asarray(values), wanted.get(name, (len(faces), 3))
+            if array.shape != shape:
+                raise InputError(f"'{self.name}' has {name} of shape {array.shape}, wanted {shape}")
+            if array.dtype.kind not in ("iu" if name == "faces" else "fiu"):
+                raise InputError(f"'{self.name}' has {name} of type {array.dtype}, wanted numbers")
+        return replace(self, faces=faces)
+
     def placed(self, matrix: np.ndarray) -> Part:
         """The part under an affine `matrix` [4, 4] on column vectors; a mirror turns the faces over."""
         linear = np.asarray(matrix, dtype=np.float64)[:3, :3]

@@ -22,9 +22,10 @@ def read_ply(path: Path) -> Parts:
         return result
     faces = loaded.get("faces")
     faces = np.zeros((0, 3), dtype=np.int64) if faces is None else np.asarray(faces, dtype=np.int64)
-    if faces.shape[1] == 4:
-        # trimesh splits quads only where triangles are among them.
-        faces = faces[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
+    if faces.ndim == 2 and faces.shape[1] != 3:
+        # trimesh splits polygons only where they have different numbers of corners; two corners span nothing.
+        fan = [[0, corner, corner + 1] for corner in range(1, faces.shape[1] - 1)]
+        faces = faces[:, np.array(fan, dtype=np.int64).reshape(-1)].reshape(-1, 3)
     colors = loaded.get("vertex_colors")
     visual = loaded.get("visual")
     uv, material = getattr(visual, "uv", None), -1

@@ -14,6 +14,7 @@ from diffprt.exporters.web.lights import balanced_light
 from diffprt.scene.procedural import builtin_environment
 from diffprt.study.display.study import baked, running_browser
 from diffprt.transfer import Transfer
+from diffprt.whole_file import make_folder, write_whole
 
 _DESKTOP = {"viewport": {"width": 1280, "height": 800}}
 _PHONE = {"viewport": {"width": 390, "height": 844}, "device_scale_factor": 2, "is_mobile": True, "has_touch": True}
@@ -73,7 +74,7 @@ def display_pictures(
     lights = {name: balanced_light(asset, light) for name, light in projected.items()}
     title = str(source).removeprefix("builtin:").capitalize() if isinstance(source, str) else "Transfer"
     folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     made = []
     with tempfile.TemporaryDirectory() as place, running_browser(browser) as running:
         page = export(asset, place, lights=lights, title=title, registers=registers, uncompressed=transfer)["path"]
@@ -93,9 +94,9 @@ def _shoot(browser: Any, page: str, path: Path, options: dict[str, Any], told: s
         tab.goto(f"file://{page}")
         tab.evaluate(f"async () => {{ await diffprt.ready; {told} }}")
         tab.wait_for_timeout(400)
-        tab.screenshot(path=path, type="jpeg", quality=_QUALITY)
+        picture = tab.screenshot(type="jpeg", quality=_QUALITY)
     finally:
         context.close()
     if complaints:
         raise InputError(f"the page complained: {complaints[0]}")
-    return path
+    return write_whole(path, picture, "picture")

@@ -27,6 +27,7 @@ from diffprt.study.lights import named_light
 from diffprt.study.optimization.sheet import optimization_sheet
 from diffprt.study.rows import Rows, grouped
 from diffprt.transfer import GlossyTransfer, Transfer, bake, bake_glossy
+from diffprt.whole_file import make_folder
 
 LBG, LBG_SMALL = "LBG + PCA", "LBG + PCA, quantized"
 CLOSED, CLOSED_SMALL = "closed form", "closed form, quantized"
@@ -97,7 +98,7 @@ def optimize_study(
     Raises:
         InputError: an option is out of range.
     """
-    output.mkdir(parents=True, exist_ok=True)
+    make_folder(output)
     rows = Rows(output / "rows.jsonl")
     found, files = [], []
     lights = [[named_light(name, order, window=window) for name in names] for names in (train_lights, held_lights)]

@@ -13,6 +13,7 @@ from diffprt.optimization.references.pictures import Pictures
 from diffprt.scene import load_scene
 from diffprt.study.optimization.sheet import optimization_sheet
 from diffprt.transfer import bake
+from diffprt.whole_file import make_folder
 
 _PARAMETERS = ("means", "bases", "weights", "albedo", "exposure")
 _LOSS = "image + transfer"
@@ -50,7 +51,7 @@ def unseen_study(
     report["timings"]["cpu"] = time.process_time() - begun
     views = check_references(start, references)
     held = Pictures(references, views, held_out=0.2).held[0]
-    output.mkdir(parents=True, exist_ok=True)
+    make_folder(output)
     path = output / "unseen.png"
     optimization_sheet(
         path, {"before": start, "after": found}, ("before", "after"), references.entries[held], views[held]

@@ -9,6 +9,7 @@ from pathlib import Path
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from diffprt.rendering.sheet import save_figure
 from diffprt.study.overdraw.methods import ORIGINAL, PATCHES, PEER, is_ours
 from diffprt.study.overdraw.summary import overdraw_at
 from diffprt.study.rows import grouped
@@ -66,7 +67,7 @@ def _chart(path: Path, rows: list[dict], title: str) -> bool:
     labels = [name for name in styles if name in handles]
     figure.legend([handles[name] for name in labels], labels, frameon=False, fontsize=8, loc="outside right center")
     figure.suptitle(title, fontsize=11)
-    figure.savefig(path)
+    save_figure(path, figure)
     return True
 
 

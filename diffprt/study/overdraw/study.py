@@ -21,6 +21,7 @@ from diffprt.study.overdraw.signal import Signal, SignalSettings, load_signal
 from diffprt.study.overdraw.summary import summary
 from diffprt.study.rows import Rows, digest, save_tensors
 from diffprt.surface import Surfaces
+from diffprt.whole_file import make_folder
 
 Say = Callable[[str], None]
 
@@ -60,7 +61,7 @@ def overdraw_study(sources: Iterable[str | Path | Scene], output: str | Path, as
     """
     begun = time.perf_counter()
     output = Path(output)
-    output.mkdir(parents=True, exist_ok=True)
+    make_folder(output)
     notes: list[str] = []
     methods = DEFAULT if asked.methods is None else asked.methods
     if PEER in methods and not has_peer():

@@ -8,6 +8,7 @@ import torch
 from matplotlib.figure import Figure
 
 from diffprt.rendering import auto_exposure
+from diffprt.rendering.sheet import save_figure
 from diffprt.shading import tone_map
 
 _REC709 = (0.2126, 0.7152, 0.0722)
@@ -56,7 +57,7 @@ def comparison_sheet(
         axis.set_xticks([])
         axis.set_yticks([])
         axis.spines[:].set_visible(False)
-    figure.savefig(path)
+    save_figure(path, figure)
 
 
 def _difference(figure: Figure, axis, signed: torch.Tensor, mask: torch.Tensor, name: str) -> None:

@@ -28,6 +28,7 @@ from diffprt.study.reference.comparison_sheet import comparison_sheet
 from diffprt.surface import Receivers
 from diffprt.surface.surfaces import Surfaces
 from diffprt.transfer import GlossyTransfer, Transfer, bake, bake_glossy
+from diffprt.whole_file import make_folder
 
 # Samples a side of our pixels: edges inside the object are averaged as the path tracer's box filter does.
 _SAMPLES = 4
@@ -93,7 +94,7 @@ def reference_study(
     camera = Camera.framing(transfer.receivers.positions, width=size, height=size)
     visible = receiver_pixels(scene, camera)
     output = Path(output)
-    output.mkdir(parents=True, exist_ok=True)
+    make_folder(output)
     rows = []
     for name, light in zip(lights, projected, strict=True):
         paths = {"bounces": bounces, "samples": samples, "brdf": brdf}

@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+from diffprt.rendering.sheet import save_figure
+
 _COLORS = ("#1f66b5", "#b5531f", "#2f8f57", "#8452a5", "#a58a1f", "#555555")
 _MARKERS = "os^Dv*"
 _LABELED, _APART = 8, 0.06
@@ -50,7 +52,7 @@ def tolerance_chart(path: str | Path, rows: list[dict]) -> None:
     axis.set_title(f"{len(rows)} runs: shaded is kept at no more than twice the best cost", fontsize=10)
     axis.spines[["top", "right"]].set_visible(False)
     figure.legend(frameon=False, fontsize=8, ncols=4, loc="outside lower center")
-    figure.savefig(path)
+    save_figure(path, figure)
 
 
 def _standing_out(cost: np.ndarray, share: np.ndarray) -> list[int]:

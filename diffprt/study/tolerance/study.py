@@ -19,6 +19,7 @@ from diffprt.study.tolerance.chart import tolerance_chart
 from diffprt.study.tolerance.scenes import random_scene
 from diffprt.study.tolerance.truth import Truth, fewest_rays
 from diffprt.transfer import SamplingRate, bake, rays_for_tolerance
+from diffprt.whole_file import make_folder
 
 _FINER = 16
 # The least that a tolerance may choose; the best fixed setting has the same floor.
@@ -50,7 +51,7 @@ def tolerance_study(sources: Iterable[str | Path | Scene], output: str | Path, a
             f"truth_rays {asked.truth_rays}: give at least one of the first two, and no negative number"
         )
     output = Path(output)
-    output.mkdir(parents=True, exist_ok=True)
+    make_folder(output)
     kept = Rows(output / "rows.jsonl")
     notes: list[str] = []
     rows: list[dict] = []

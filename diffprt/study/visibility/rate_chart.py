@@ -6,6 +6,8 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
+from diffprt.rendering.sheet import save_figure
+
 # Ours in one hue and each peer in its own; one core lighter than all.
 _CONTENDERS = (
     ("ours_one_core", "diffprt, 1 core", "#8ab6e8"),
@@ -49,4 +51,4 @@ def rate_chart(path: str | Path, rows: list[dict], *, title: str) -> None:
     axis.set_title(title, fontsize=10)
     axis.spines[["top", "right"]].set_visible(False)
     figure.legend(frameon=False, fontsize=8, ncols=4, loc="outside lower center")
-    figure.savefig(path)
+    save_figure(path, figure)

@@ -29,6 +29,7 @@ from diffprt.study.visibility.rate_chart import rate_chart
 from diffprt.study.visibility.structure import structure_row
 from diffprt.study.visibility.watertight import brute_force_agreement, escaped_rays, points_inside
 from diffprt.surface.surfaces import Surfaces
+from diffprt.whole_file import make_folder
 
 Say = Callable[[str], None]
 
@@ -61,7 +62,7 @@ def visibility_study(sources: list[str | Path | Scene], output: str | Path, aske
             f"runs is {asked.runs}, rays {list(asked.rays)} and seconds {asked.seconds}: give 1 or more, and above 0"
         )
     output = Path(output)
-    output.mkdir(parents=True, exist_ok=True)
+    make_folder(output)
     scenes = [load_scene(source) for source in sources]
     report: dict = {
         "settings": {

@@ -9,8 +9,8 @@ const GAUSS = [
   [Math.sqrt(3 / 5), 5 / 18],
 ];
 
-// Coefficients [order² * 3] of { width, height, pixels }, each texel a patch of constant radiance.
-export function projectMap({ width, height, pixels }, order) {
+// Coefficients [order² * 3] of { width, height, rows }, each texel a patch of constant radiance.
+export function projectMap({ width, height, rows }, order) {
   const [cosines, sines] = [new Float64Array(width * order), new Float64Array(width * order)];
   for (let x = 0; x < width; x++) {
     const longitude = 2 * Math.PI * ((x + 0.5) / width - 0.5);
@@ -24,19 +24,19 @@ export function projectMap({ width, height, pixels }, order) {
   }
   const total = new Float64Array(order * order * 3);
   const sums = new Float64Array(order * 6);
-  for (let y = 0; y < height; y++) {
+  let y = 0;
+  for (const row of rows()) {
     sums.fill(0);
     for (let x = 0; x < width; x++) {
-      const texel = 3 * (y * width + x);
       for (let m = 0; m < order; m++) {
         const [cosine, sine] = [cosines[x * order + m], sines[x * order + m]];
         for (let c = 0; c < 3; c++) {
-          sums[6 * m + c] += cosine * pixels[texel + c];
-          sums[6 * m + 3 + c] += sine * pixels[texel + c];
+          sums[6 * m + c] += cosine * row[3 * x + c];
+          sums[6 * m + 3 + c] += sine * row[3 * x + c];
         }
       }
     }
-    const latitudes = rowIntegrals(y, width, height, order);
+    const latitudes = rowIntegrals(y++, width, height, order);
     for (let l = 0; l < order; l++) {
       for (let m = 0; m <= l; m++) {
         const weight = latitudes[l * (l + 1) + m];

@@ -1,8 +1,10 @@
-// Radiance pictures (.hdr, RGBE): the header, then rows of texels, run-length encoded or not.
+// Radiance pictures (.hdr, RGBE): the header, then rows of texels, run-length encoded or not. A header may promise any
+// size: all rows are walked through before anything is made of them, and no more than one is held.
 
 const MOST_TEXELS = 1 << 26;
 
-// { width, height, pixels: Float32Array [height * width * 3] } of a file's bytes; throws what is wrong with it.
+// { width, height, rows } of a file's bytes; throws what is wrong with it. rows() gives the rows from the top, each in
+// the same Float32Array [width * 3].
 export function readRadiance(bytes) {
   const { lines, start } = readHeader(bytes);
   if (!/^#\?/.test(lines[0] ?? "")) throw new Error("this is not a Radiance picture (.hdr)");
@@ -16,18 +18,23 @@ export function readRadiance(bytes) {
   }
   if (width * height > MOST_TEXELS) throw new Error(`this .hdr is ${width} x ${height}, more than fits here`);
 
-  const pixels = new Float32Array(width * height * 3);
-  const row = new Uint8Array(4 * width);
-  let place = start;
-  for (let y = 0; y < height; y++) {
-    place = readRow(bytes, place, row, width);
-    for (let x = 0; x < width; x++) {
-      const exponent = row[4 * x + 3];
-      const scale = exponent === 0 ? 0 : 2 ** (exponent - 136);
-      for (let c = 0; c < 3; c++) pixels[(y * width + x) * 3 + c] = row[4 * x + c] * scale;
+  need(bytes, start + 4 * height);
+  const texels = new Uint8Array(4 * width);
+  for (let y = 0, place = start; y < height; y++) place = readRow(bytes, place, texels, width);
+
+  function* rows() {
+    const row = new Float32Array(3 * width);
+    for (let y = 0, place = start; y < height; y++) {
+      place = readRow(bytes, place, texels, width);
+      for (let x = 0; x < width; x++) {
+        const exponent = texels[4 * x + 3];
+        const scale = exponent === 0 ? 0 : 2 ** (exponent - 136);
+        for (let c = 0; c < 3; c++) row[3 * x + c] = texels[4 * x + c] * scale;
+      }
+      yield row;
     }
   }
-  return { width, height, pixels };
+  return { width, height, rows };
 }
 
 // Lines up to and with the size, which follows an empty one.
