@@ -42,10 +42,10 @@ def _command(package: str, name: str) -> Any:
     module = importlib.import_module(f"{package}.{name}")
     if hasattr(module, "app"):
         for registered in module.app.registered_commands:
-            registered.callback = guarded(with_checked_paths(registered.callback))
+            registered.callback = with_checked_paths(guarded(registered.callback))
         return get_group(module.app)
     single = typer.Typer(add_completion=False, **_PLAIN)
-    single.command(name, help=module.__doc__)(guarded(with_checked_paths(module.run)))
+    single.command(name, help=module.__doc__)(with_checked_paths(guarded(module.run)))
     return get_command(single)
 
 

@@ -98,7 +98,7 @@ def test_assets_are_compressed_in_one_command_and_never_over_themselves(scenes, 
     assert run("compress", out / "a.prt", out / "b.prt", *few, "-o", scenes / "small") == 0
     assert load(scenes / "small" / "b.prt").compressed
     assert run("compress", out / "a.prt", out / "b.prt", *few, "-o", out) == 2
-    assert "is one of the files that are read" in capsys.readouterr().err and not load(out / "a.prt").compressed
+    assert "which is read: give another name" in capsys.readouterr().err and not load(out / "a.prt").compressed
 
 
 def test_ctrl_c_keeps_what_is_finished(scenes, capsys, monkeypatch):
