@@ -170,7 +170,7 @@ def test_names_that_cannot_be_are_refused_before_work(arguments, words, place, c
         "compress a.prt -o out.prt --clusters 2 --components 1",
         "export a.prt -o page",
         "invert albedo a.prt --references refs -o out.prt",
-        "bake builtin:sphere -o out.prt --order 1 --bounces 0 --rays 16",
+        "bake builtin:sphere -o out.prt --order 1 --bounces 0 --plan on",
     ],
 )
 def test_on_a_full_disk_a_command_says_one_line_and_leaves_what_was_there(command, place, capsys):
