@@ -12,6 +12,8 @@ import typer
 from typer.core import TyperGroup
 from typer.main import get_command, get_group
 
+from diffprt.cli.torch_guard import torch_guarded
+
 _PLAIN = {"pretty_exceptions_enable": False, "rich_markup_mode": None}
 
 
@@ -27,6 +29,10 @@ def lazy_group(package: str, names: Sequence[str], **settings: Any) -> typer.Typ
 
         def get_command(self, ctx: object, cmd_name: str) -> Any:
             return _command(package, cmd_name) if cmd_name in names else None
+
+        def invoke(self, ctx: Any) -> Any:
+            with torch_guarded():
+                return super().invoke(ctx)
 
     return typer.Typer(cls=Commands, no_args_is_help=True, **_PLAIN, **settings)
 
