@@ -20,6 +20,7 @@ from diffprt.exporters.web.lights import default_light
 from diffprt.exporters.web.template import fill_template, joined_scripts, page_source, script_json, shader_elements
 from diffprt.exporters.web.versions import collect
 from diffprt.options import ExportOptions, takes
+from diffprt.rendering import PictureWindow
 from diffprt.representation import Representation
 from diffprt.scene import Light
 from diffprt.scene.camera import Camera
@@ -91,11 +92,15 @@ def page_of(asset: Representation, options: ExportOptions) -> Page:
     _check_lights(lights, asset.order)
     collected = collect(asset, packed, options)
     own = next(iter(collected.packed.values()))
-    camera = options.camera or Camera.framing(positions)
+    camera = options.camera or Camera.framing(asset.elements.subject)
     title = options.title or "diffprt"
 
     store = ArrayStore()
     entries = [version_entry(name, version, store) for name, version in collected.packed.items()]
+    window: dict[str, Any] = {"name": options.window}
+    if options.window in ("picture", "auto"):
+        rows = PictureWindow.of(asset, camera).rows
+        window = {"name": "picture", "rows": store.add("picture rows", floats(rows))} if len(rows) else {"name": "none"}
     heat: dict[str, Any] = {}
     if collected.error is not None:
         # One outlier would leave all else in the lowest color.
@@ -117,8 +122,14 @@ def page_of(asset: Representation, options: ExportOptions) -> Page:
         },
         "exposure": options.exposure,
         "curve": options.curve,
+        "window": window,
         "lights": [
-            {"name": name, "coefficients": _short_numbers(light.coefficients)} for name, light in lights.items()
+            {
+                "name": name,
+                "coefficients": _short_numbers(light.coefficients),
+                "rings": light.seen() is not light,
+            }
+            for name, light in lights.items()
         ],
         "certificate": asset.certificate,
     }
