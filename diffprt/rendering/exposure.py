@@ -29,7 +29,7 @@ def view_exposure(asset: Representation, light: Light, camera: Camera, *, curve:
     small = replace(camera, width=max(1, round(camera.width * shrink)), height=max(1, round(camera.height * shrink)))
     factor = auto_exposure(render(asset, light, small), asset.elements.view(small).mask)
     peak = float(sh.render_map(light.seen().coefficients.detach().double(), _ROWS, 2 * _ROWS).max())
-    return min(factor, _white(curve) / peak) if peak > 0 else factor
+    return min(factor, white(curve) / peak) if peak > 0 else factor
 
 
 def clipped_share(image: torch.Tensor, mask: torch.Tensor) -> float:
@@ -39,7 +39,7 @@ def clipped_share(image: torch.Tensor, mask: torch.Tensor) -> float:
     return lost / light if light > 0 else 0.0
 
 
-def _white(curve: str) -> float:
+def white(curve: str) -> float:
     """The radiance that is shown as `_BRIGHTEST`, by bisection of the tone curve."""
     low, high = 0.0, 1e3
     for _ in range(60):

@@ -19,8 +19,9 @@ from diffprt.exporters.web.fallback_picture import fallback_picture
 from diffprt.exporters.web.lights import default_light
 from diffprt.exporters.web.template import fill_template, joined_scripts, page_source, script_json, shader_elements
 from diffprt.exporters.web.versions import collect
-from diffprt.options import ExportOptions, takes
+from diffprt.options import CURVES, ExportOptions, takes
 from diffprt.rendering import PictureWindow
+from diffprt.rendering.exposure import white
 from diffprt.representation import Representation
 from diffprt.scene import Light
 from diffprt.scene.camera import Camera
@@ -123,6 +124,7 @@ def page_of(asset: Representation, options: ExportOptions) -> Page:
         "exposure": options.exposure,
         "curve": options.curve,
         "window": window,
+        "white": {curve: white(curve) for curve in CURVES},
         "lights": [
             {
                 "name": name,

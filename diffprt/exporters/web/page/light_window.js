@@ -1,5 +1,6 @@
 // Windows against ringing: diffprt/sh/windows.py and diffprt/rendering/picture_window.py.
 import { readArray } from "./payload.js";
+import { shBasis } from "./sh.js";
 
 const LUMINANCE = [0.2126, 0.7152, 0.0722]; // Rec. 709
 export const FULL_ORDER = 10; // bands of a map against which windows are measured
@@ -17,6 +18,24 @@ const positive = (value) => Math.max(0, value);
 export function windowed(coefficients, name) {
   const order = Math.round(Math.sqrt(coefficients.length / 3));
   return coefficients.map((value, i) => FACTORS[name](bandOf(Math.floor(i / 3)) / order) * value);
+}
+
+// The brightest channel of a light in any direction, on a grid.
+export function peakOf(coefficients) {
+  const order = Math.round(Math.sqrt(coefficients.length / 3));
+  const values = new Float64Array(order * order);
+  let peak = 0;
+  for (let row = 0; row < 32; row++) {
+    const polar = (Math.PI * (row + 0.5)) / 32;
+    for (let column = 0; column < 64; column++) {
+      const turn = (Math.PI * column) / 32;
+      shBasis(order, Math.sin(polar) * Math.cos(turn), Math.sin(polar) * Math.sin(turn), Math.cos(polar), values);
+      for (const c of [0, 1, 2]) {
+        peak = Math.max(peak, values.reduce((sum, value, k) => sum + value * coefficients[3 * k + c], 0));
+      }
+    }
+  }
+  return peak;
 }
 
 // The light of an asset of `order`, and the name of its window, from a map's coefficients of FULL_ORDER.

@@ -2,7 +2,7 @@
 import { listenForFiles } from "./drop.js";
 import { FrameClock } from "./frame_clock.js";
 import { showLegend } from "./legend.js";
-import { windowed } from "./light_window.js";
+import { peakOf, windowed } from "./light_window.js";
 import { lightTurn } from "./matrix.js";
 import { showMessage } from "./message.js";
 import { Orbit } from "./orbit.js";
@@ -155,10 +155,14 @@ export class Viewer {
     this.change({ order });
   }
 
-  // Maps come in any unit: the new light is made as bright on average as the first one.
+  // Maps come in any unit: the new light is made as bright on average as the first one, or less where its sky would
+  // be white.
   addLight(name, coefficients, rings) {
     const mean = (light) => Math.abs(light[0] + light[1] + light[2]);
-    const factor = mean(coefficients) > 0 ? mean(this.lights[0]) / mean(coefficients) : 1;
+    const { white, exposure } = this.manifest;
+    const peak = peakOf(rings ? windowed(coefficients, "hann") : coefficients) * exposure;
+    const alike = mean(coefficients) > 0 ? mean(this.lights[0]) / mean(coefficients) : 1;
+    const factor = peak > 0 ? Math.min(alike, white[this.state.curve] / peak) : alike;
     const light = coefficients.map((value) => value * factor);
     this.lights.push(light);
     this.ringing.push(rings);
