@@ -21,8 +21,10 @@ def picture_rows(asset: Representation, camera: Camera, *, samples: int = SAMPLE
     The pixels lie evenly among those that `camera` sees anything at.
 
     Raises:
-        InputError: the asset cannot be drawn.
+        InputError: the asset cannot be drawn, or answers to no distant light.
     """
+    if asset.order is None:
+        asset.refuse("answers to no distant light", "light it with the lights that it names")
     shrink = _SIDE / max(camera.width, camera.height)
     sides = {name: max(1, round(getattr(camera, name) * shrink)) for name in ("width", "height")}
     view = asset.elements.view(replace(camera, **sides))

@@ -48,7 +48,8 @@ class PictureWindow:
         Raises:
             InputError: the asset cannot be drawn.
         """
-        return PictureWindow(extended(picture_rows(asset, camera), FULL_ORDER), asset.order)
+        rows = picture_rows(asset, camera)
+        return PictureWindow(extended(rows, FULL_ORDER), sh.order_of_count(rows.shape[1]))
 
     def errors(self, coefficients: torch.Tensor) -> dict[str, float]:
         """The relative RMS error expected of each window's picture under a light of order 10, [100, 3]."""

@@ -98,10 +98,11 @@ def page_of(asset: Representation, options: ExportOptions) -> Page:
 
     store = ArrayStore()
     entries = [version_entry(name, version, store) for name, version in collected.packed.items()]
-    window: dict[str, Any] = {"name": options.window}
+    # Not of the asset: its bytes are the page's own.
+    aside, window = ArrayStore(), {"name": options.window}
     if options.window in ("picture", "auto"):
         rows = PictureWindow.of(asset, camera).rows
-        window = {"name": "picture", "rows": store.add("picture rows", floats(rows))} if len(rows) else {"name": "none"}
+        window = {"name": "picture", "rows": aside.add("picture rows", floats(rows))} if len(rows) else {"name": "none"}
     heat: dict[str, Any] = {}
     if collected.error is not None:
         # One outlier would leave all else in the lowest color.
@@ -112,7 +113,7 @@ def page_of(asset: Representation, options: ExportOptions) -> Page:
         "facts": {**counts, **own.facts},
         "versions": entries,
         "heat": heat,
-        "arrays": store.forms,
+        "arrays": store.forms | aside.forms,
         "bounds": _bounds(positions),
         "camera": {
             "eye": camera.eye,
@@ -142,7 +143,7 @@ def page_of(asset: Representation, options: ExportOptions) -> Page:
             "style": page_source("style.css").rstrip(),
             "manifest": script_json(manifest),
             "shaders": "\n".join(shader_elements(programs, options.registers)),
-            "arrays": "\n".join(store.elements),
+            "arrays": "\n".join([*store.elements, *aside.elements]),
             "picture": fallback_picture(
                 asset, next(iter(lights.values())), camera, exposure=options.exposure, curve=options.curve
             ),
