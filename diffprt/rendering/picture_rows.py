@@ -11,7 +11,7 @@ from diffprt.representation.view import Samples
 from diffprt.scene.camera import Camera
 
 # Pixels a side of the view that is sampled, and samples taken of it.
-_SIDE, SAMPLES = 64, 128
+_SIDE, SAMPLES = 64, 64
 LUMINANCE = (0.2126, 0.7152, 0.0722)
 
 

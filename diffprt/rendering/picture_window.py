@@ -48,7 +48,7 @@ class PictureWindow:
         Raises:
             InputError: the asset cannot be drawn.
         """
-        rows = picture_rows(asset, camera)
+        rows = picture_rows(asset.to(torch.float32), camera)
         return PictureWindow(extended(rows, FULL_ORDER), sh.order_of_count(rows.shape[1]))
 
     def errors(self, coefficients: torch.Tensor) -> dict[str, float]:
