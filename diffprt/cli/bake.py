@@ -96,7 +96,7 @@ def run(
         # The time of one bake has the start of the command in it.
         begun = command_begun() if item is todo[0] else loaded
         job = prepare(scene, plan=decided, begun=begun, **vars(options))
-        output = None if dry_run else check_output(item.target)
+        output = item.target if dry_run else check_output(item.target)
         with status("trying a few rays"):
             estimate = job.estimate()
         if dry_run:

@@ -14,6 +14,7 @@ from typer.main import get_command, get_group
 
 from diffprt.cli.paths import with_checked_paths
 from diffprt.cli.terminal import one_line
+from diffprt.cli.torch_guard import torch_guarded
 from diffprt.options.numbers import check_numbers
 from diffprt.options.words import check_words
 
@@ -32,6 +33,10 @@ def lazy_group(package: str, names: Sequence[str], **settings: Any) -> typer.Typ
 
         def get_command(self, ctx: object, cmd_name: str) -> Any:
             return _command(package, cmd_name) if cmd_name in names else None
+
+        def invoke(self, ctx: Any) -> Any:
+            with torch_guarded():
+                return super().invoke(ctx)
 
     return typer.Typer(cls=Commands, no_args_is_help=True, **_PLAIN, **settings)
 

@@ -38,6 +38,18 @@ def parse_number(text: str, name: str) -> float:
     return value
 
 
+def parse_point(text: str, name: str) -> tuple[float, float, float]:
+    """Three coordinates, separated by commas."""
+    try:
+        values = [float(part) for part in text.split(",")]
+    except ValueError:
+        values = []
+    if len(values) != 3 or not all(math.isfinite(v) for v in values):
+        raise InputError(f"{name} is '{text}': give three numbers, such as 0,0.5,0")
+    x, y, z = values
+    return x, y, z
+
+
 def parse_size(text: str) -> tuple[int, int]:
     """WIDTHxHEIGHT or one side."""
     try:

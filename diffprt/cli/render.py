@@ -7,30 +7,36 @@ from pathlib import Path
 
 import typer
 
+from diffprt.cli.from_options import field_option
 from diffprt.cli.outputs import JsonFile, check_ending, check_output, write_report
-from diffprt.cli.parsing import parse_color, parse_number, parse_size
+from diffprt.cli.parsing import parse_color, parse_number, parse_point, parse_size
 from diffprt.cli.paths import InputFile, InputName, OutputFile, OutputFolder
 from diffprt.cli.terminal import print
 from diffprt.errors import InputError
+from diffprt.options import LIGHTS, ExportOptions, ViewOptions
 from diffprt.progress import track
 
 
 def run(
     source: InputFile = typer.Argument(..., metavar="ASSET", help="A .prt file."),
     light: InputName = typer.Option(
-        "studio", help="sky, studio, constant, or an equirectangular map (.hdr, .exr, .png)."
+        LIGHTS[0], help="sky, studio, constant, or an equirectangular map (.hdr, .exr, .png)."
     ),
     output: OutputFolder = typer.Option(
         Path("render.png"), "-o", "--output", help="A .png (display) or .exr (radiance)."
     ),
     size: str = typer.Option("512", help="Pixels: 512 or 640x480."),
-    azimuth: float = typer.Option(25.0, help="Camera, degrees around +y from +z."),
-    elevation: float = typer.Option(15.0, help="Camera, degrees above the horizon."),
-    fov: float = typer.Option(35.0, help="Vertical field of view, degrees."),
+    azimuth: float = field_option(ViewOptions, "azimuth"),
+    elevation: float = field_option(ViewOptions, "elevation"),
+    target: str = field_option(ViewOptions, "target"),
+    distance: float = field_option(ViewOptions, "distance"),
+    fov: float = field_option(ViewOptions, "fov"),
     light_azimuth: float = typer.Option(0.0, help="Turns the light about +y, degrees."),
-    window: str = typer.Option("none", help="none, hann, lanczos or auto: trades contrast for less ringing."),
-    exposure: str = typer.Option("auto", help="A factor, or auto: mean luminance of the object to 0.2."),
-    curve: str = typer.Option("aces", help="linear, reinhard or aces."),
+    window: str = field_option(ViewOptions, "window"),
+    exposure: str = typer.Option(
+        "auto", help="A factor, or auto: mean luminance of the object to 0.2, and less where the sky would be white."
+    ),
+    curve: str = field_option(ExportOptions, "curve"),
     background: str = typer.Option("0.05", help="A color (0.05 or r,g,b) or 'light'."),
     samples: int = typer.Option(2, help="Samples a side of each pixel."),
     reference_set: int = typer.Option(
@@ -50,28 +56,42 @@ def run(
     behind = background if background == "light" else parse_color(background, "background")
     width, height = parse_size(size)
     factor = None if exposure == "auto" else parse_number(exposure, "exposure")
+    aim = None if target is None else parse_point(target, "target")
     begun = time.perf_counter()
 
     from diffprt.cli.scenes import load_light
     from diffprt.images import write_image
-    from diffprt.rendering import auto_exposure, render
+    from diffprt.rendering import PictureWindow, clipped_share, render, view_exposure
     from diffprt.representation import files as assets
     from diffprt.scene import Camera
     from diffprt.shading import tone_map
 
     asset = assets.load(source)
-    radiance = load_light(light, asset.order, window=window, azimuth=light_azimuth)
-    check_output(output)
     camera = Camera.framing(
-        asset.elements.positions, azimuth=azimuth, elevation=elevation, fov=fov, width=width, height=height
+        asset.elements.subject,
+        azimuth=azimuth,
+        elevation=elevation,
+        fov=fov,
+        width=width,
+        height=height,
+        target=aim,
+        distance=distance,
     )
+    picture = PictureWindow.of(asset, camera) if window == ViewOptions.window and asset.order else None
+    radiance = load_light(light, asset.order, window=window, azimuth=light_azimuth, picture=picture)
+    check_output(output)
     loaded = time.perf_counter()
     image = render(asset, radiance, camera, background=behind, samples=samples)
     mask = asset.elements.view(camera).mask
     rendered = time.perf_counter()
-    factor = auto_exposure(image, mask) if factor is None else factor
+    clipped, image = clipped_share(image, mask), image.clamp_min(0)
+    factor = view_exposure(asset, radiance, camera, curve=curve) if factor is None else factor
     write_image(output, image if output.suffix.lower() == ".exr" else tone_map(image, exposure=factor, curve=curve))
-    print(f"{output}: {width} x {height}, exposure {factor:.3g}")
+    chosen = radiance.report["window"]
+    print(
+        f"{output}: {width} x {height}, exposure {factor:.3g}, window {chosen}, {100 * clipped:.2g} % of the object's "
+        "radiance was negative and clipped"
+    )
     luminance = float(image[mask].mean()) if bool(mask.any()) else 0.0
     write_report(
         json_file,
@@ -79,7 +99,7 @@ def run(
         {
             "settings": {
                 "light": light,
-                "window": window,
+                "window": chosen,
                 "exposure": factor,
                 "curve": curve,
                 "samples": samples,
@@ -90,7 +110,7 @@ def run(
                 "covered_pixels": int(mask.sum()),
                 "mean_radiance": luminance,
             },
-            "errors": {"light": radiance.report, "asset": asset.certificate},
+            "errors": {"light": radiance.report, "negative_radiance_clipped": clipped, "asset": asset.certificate},
             "outputs": {"image": str(output), "bytes": output.stat().st_size},
         },
     )

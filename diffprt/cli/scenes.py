@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import torch
 
 from diffprt.cli.parsing import parse_color
 from diffprt.errors import InputError
+from diffprt.options.view import PICTURE_WINDOW
 from diffprt.scene import BUILTIN_ENVIRONMENTS, Environment, Light, Scene, builtin_environment
+
+if TYPE_CHECKING:
+    from diffprt.rendering import PictureWindow
 
 
 def load_scene(
@@ -33,13 +38,21 @@ def load_scene(
     return scene.with_ground() if ground else scene
 
 
-def load_light(source: str, order: int | None, *, window: str = "none", azimuth: float = 0.0) -> Light:
+def load_light(
+    source: str,
+    order: int | None,
+    *,
+    window: str = "none",
+    azimuth: float = 0.0,
+    picture: PictureWindow | None = None,
+) -> Light:
     """The light of a built-in environment or of a map, projected at `order` and turned about +y.
 
     Args:
         source: "sky", "studio", ..., or the path of an equirectangular .hdr or .exr map.
         order: of the asset that it is for; None where that answers to no distant light.
         azimuth: degrees.
+        picture: what decides on the window where `window` is "picture"; without it, there is none.
 
     Raises:
         InputError: there is no such light, or the asset answers to none.
@@ -48,8 +61,13 @@ def load_light(source: str, order: int | None, *, window: str = "none", azimuth:
         raise InputError("the asset answers to no distant light: light it in Python, with the lights that it names")
     source = source.removeprefix("builtin:")
     environment = builtin_environment(source) if source in BUILTIN_ENVIRONMENTS else Environment.load(Path(source))
-    light = environment.project(order, window=window)
-    return light.rotate(turn_about_y(azimuth)) if azimuth else light
+    if not math.isfinite(azimuth):
+        raise InputError(f"light has azimuth {azimuth}: give a finite number of degrees")
+    turn = turn_about_y(azimuth) if azimuth else None
+    if window == PICTURE_WINDOW and picture is not None:
+        return picture.project(environment, turn)
+    light = environment.project(order, window="none" if window == PICTURE_WINDOW else window)
+    return light if turn is None else light.rotate(turn)
 
 
 def turn_about_y(degrees: float) -> torch.Tensor:

@@ -17,3 +17,5 @@ from .optimize import PARAMETERS as PARAMETERS
 from .ranges import check_choice as check_choice
 from .ranges import check_order as check_order
 from .ranges import check_threads as check_threads
+from .view import LIGHTS as LIGHTS
+from .view import ViewOptions as ViewOptions

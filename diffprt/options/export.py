@@ -8,6 +8,8 @@ from typing import Any
 
 from diffprt.errors import InputError
 from diffprt.options.numbers import check_numbers
+from diffprt.options.ranges import check_choice
+from diffprt.options.view import WINDOWS, ViewOptions
 
 CURVES = ("linear", "reinhard", "aces")
 
@@ -19,7 +21,9 @@ class ExportOptions:
     Attributes:
         lights: of type `Light`, to choose from, by the name shown, of the asset's order; the first one is shown first.
             Without them, a plain sky with a sun. Readers may drop an .hdr file on the page for more.
-        camera: a `Camera`, the first view; without it, one that frames the asset.
+        camera: a `Camera`, the first view; without it, one that frames the asset, not the ground under it.
+        window: of maps that readers drop on the page: "picture", "none", "lanczos" or "hann"; "auto", which takes
+            a search, is "picture" there. `lights` are as given.
         exposure: factor on radiance, positive.
         curve: tone curve that is on first, one of `CURVES`.
         title: shown as the page's heading.
@@ -37,6 +41,7 @@ class ExportOptions:
 
     lights: Mapping[str, Any] | None = None
     camera: Any = None
+    window: str = ViewOptions.window
     exposure: float = 1.0
     curve: str = field(default="aces", metadata={"help": "linear, reinhard or aces."})
     title: str = field(default="", metadata={"help": "Shown on the page; the asset's name by default."})
@@ -63,4 +68,5 @@ class ExportOptions:
             raise InputError("lights are empty: give at least one, or None for the built-in one")
         if self.curve not in CURVES:
             raise InputError(f"tone curve '{self.curve}' is unknown: use one of {', '.join(CURVES)}")
+        check_choice("window", self.window, WINDOWS)
         check_numbers(vars(self))

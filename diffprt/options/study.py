@@ -84,6 +84,26 @@ class ClusteringOptions(StudyOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
+class WindowOptions(StudyOptions):
+    """Options of `window_study`.
+
+    Attributes:
+        scenes: files or "builtin:NAME", with "+ground" for one.
+        turns: of every map about +y, degrees.
+    """
+
+    scenes: Sequence[str] = _option(
+        ("builtin:bunny+ground", "builtin:sphere+ground", "builtin:bowl+ground", "builtin:cornell"),
+        "Scene files or builtin:NAME, with +ground for one; may be repeated.",
+        "--scene",
+    )
+    maps: Sequence[str] = _option(("sky", "studio"), "Maps; may be repeated.", "--map")
+    turns: Sequence[int] = _option((0, 72, 144, 216, 288), "Turns of every map, degrees; may be repeated.", "--turn")
+    order: int = _option(6, "SH bands of the asset.")
+    rays: int = _option(512, "Rays per receiver.")
+
+
+@dataclass(frozen=True, kw_only=True)
 class GradientOptions(StudyOptions):
     """Options of `gradient_study`.
 

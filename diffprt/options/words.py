@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 from diffprt.options.export import CURVES
 from diffprt.options.ranges import check_choice
+from diffprt.options.view import WINDOWS
 
-WINDOWS = ("none", "hann", "lanczos", "auto")
 NON_FINITE = ("refuse", "drop")
 WINDINGS = ("repair", "keep")
 UP_AXES = ("y", "-y", "z", "-z", "x", "-x")

@@ -1,6 +1,9 @@
+from .exposure import clipped_share as clipped_share
+from .exposure import view_exposure as view_exposure
 from .frozen import FrozenView as FrozenView
 from .frozen import picture as picture
 from .frozen import pixel_radiance as pixel_radiance
+from .picture_window import PictureWindow as PictureWindow
 from .render import auto_exposure as auto_exposure
 from .render import pixel_rays as pixel_rays
 from .render import render as render

@@ -36,8 +36,9 @@ def render(
             over triangles, say), and read in its basis: diffuse radiance as it is, glossy radiance with the pixel's own
             normal and view, by mirrored direction.
         light: distant light of the asset's order, or what its kind answers to.
-        camera: without it, one that frames the asset.
-        background: linear RGB behind the asset, "light" for the distant light itself, None for black.
+        camera: without it, one that frames the asset, not the ground under it.
+        background: linear RGB behind the asset, "light" for the distant light as it is seen (`Light.seen`),
+            None for black.
         samples: pixels are the mean of samples x samples.
 
     Returns:
@@ -47,7 +48,7 @@ def render(
     Raises:
         InputError: light of another order or kind, or an asset that cannot be drawn, such as one without triangles.
     """
-    camera = camera or Camera.framing(asset.elements.positions)
+    camera = camera or Camera.framing(asset.elements.subject)
     if not 1 <= samples <= 16:
         raise InputError(f"samples is {samples}: give 1 to 16 a side")
     check_picture(camera, samples)
@@ -55,7 +56,9 @@ def render(
     view = asset.elements.view(fine, threads=threads)
     image = view.framed(radiance_in_view(asset.lit(light), view, fine))
     if background is not None:
-        behind = _distant(light).radiance(pixel_rays(fine)) if background == "light" else torch.tensor(background)
+        behind = (
+            _distant(light).seen().radiance(pixel_rays(fine)) if background == "light" else torch.tensor(background)
+        )
         image = torch.where(view.mask[..., None], image, behind.to(image))
     if samples > 1:
         image = image.reshape(camera.height, samples, camera.width, samples, 3).mean(dim=(1, 3))

@@ -11,6 +11,7 @@ from diffprt.representation.moving import moved
 from diffprt.representation.spec import FLOATS, Spec
 from diffprt.representation.view import View
 from diffprt.scene.camera import Camera
+from diffprt.scene.subject import is_ground
 
 
 class Elements(ABC):
@@ -37,6 +38,11 @@ class Elements(ABC):
         Raises:
             InputError: they cannot be drawn.
         """
+
+    @property
+    def subject(self) -> torch.Tensor:
+        """Positions [S, 3] of what pictures are of: all but a ground. `Camera.framing` takes them."""
+        return self.positions[~is_ground(self.positions, self.normals)]
 
     @abstractmethod
     def picked(self, rows: torch.Tensor) -> Self:

@@ -29,6 +29,8 @@ class Camera:
     height: int = 512
 
     def __post_init__(self) -> None:
+        for name in ("eye", "target", "up"):
+            _checked(name, getattr(self, name))
         if not 0.0 < self.fov < 180.0:
             raise InputError(f"camera has a field of view of {self.fov} degrees: give one between 0 and 180")
         if not (1 <= self.width <= 16384 and 1 <= self.height <= 16384):
@@ -46,6 +48,8 @@ class Camera:
         width: int = 512,
         height: int = 512,
         margin: float = 1.05,
+        target: tuple[float, float, float] | None = None,
+        distance: float | None = None,
     ) -> Camera:
         """A camera that sees all of `positions` [V, 3].
 
@@ -53,13 +57,17 @@ class Camera:
             azimuth: degrees around +y, 0 looks from +z, 90 from +x.
             elevation: degrees above the horizon.
             margin: 1 touches the frame.
+            target: what it looks at, scene units; without it, the center of the positions' box.
+            distance: from the target, scene units; without it, the least from which all are seen.
 
         Raises:
-            InputError: an angle or a size is out of range.
+            InputError: an angle, a distance or a size is out of range.
         """
-        check_numbers({"azimuth": azimuth, "elevation": elevation, "fov": fov})
+        check_numbers({"azimuth": azimuth, "elevation": elevation, "fov": fov, "distance": distance})
         points = positions.detach().double()
         center = (points.amin(0) + points.amax(0)) / 2
+        if target is not None:
+            center = torch.tensor(_checked("target", target), dtype=torch.float64)
         a, e = math.radians(azimuth), math.radians(elevation)
         back = torch.tensor([math.sin(a) * math.cos(e), math.sin(e), math.cos(a) * math.cos(e)], dtype=torch.float64)
         eye = tuple((center + back).tolist())
@@ -67,9 +75,10 @@ class Camera:
         local = (points - center) @ view.T
         tangent = math.tan(math.radians(fov) / 2)
         slope = torch.tensor([tangent * width / height, tangent], dtype=torch.float64)
-        distance = float((local[:, :2].abs() / slope * margin + local[:, 2:]).max())
-        scale = float((points.amax(0) - points.amin(0)).norm())
-        distance = max(distance, 1e-3 * scale, 1e-12)
+        if distance is None:
+            distance = float((local[:, :2].abs() / slope * margin + local[:, 2:]).max())
+            scale = float((points.amax(0) - points.amin(0)).norm())
+            distance = max(distance, 1e-3 * scale, 1e-12)
         return Camera(
             tuple((center + back * distance).tolist()),
             tuple(center.tolist()),
@@ -108,3 +117,9 @@ class Camera:
         depth = -(positions.detach().double() @ self.view()[2, :3] + self.view()[2, 3])
         far = max(float(depth.max()), 1e-6) * 1.01
         return max(float(depth.min()) * 0.99, far * 1e-4), far
+
+
+def _checked(name: str, values: tuple[float, ...]) -> tuple[float, ...]:
+    if len(values) != 3 or not all(math.isfinite(value) for value in values):
+        raise InputError(f"camera has {name} {tuple(values)}: give three finite numbers")
+    return values

@@ -37,6 +37,14 @@ class Light:
         """The light turned by `rotation` [3, 3]: L'(d) = L(Rᵀ d). Gradients reach both."""
         return Light(sh.rotate(self.coefficients, rotation), self.report)
 
+    def seen(self) -> Light:
+        """The light as it is drawn behind an object: through a Hann window where it is a map's projection without a
+        window, whose ringing would show as dark rims around what is bright; else as it is."""
+        if "environment" not in self.report or self.report.get("window") != "none":
+            return self
+        factors = sh.window("hann", self.order)[sh.band_of_index(self.order)].to(self.coefficients)
+        return Light(self.coefficients * factors[:, None], self.report | {"window": "hann"})
+
     def to(self, target: torch.device | torch.dtype | str) -> Light:
         """The light on another device, or in another floating dtype."""
         return Light(self.coefficients.to(target), self.report)

@@ -68,6 +68,10 @@ def apply_window(coefficients: torch.Tensor, name: str) -> tuple[torch.Tensor, d
         InputError: unknown name; coefficients not finite or not [K] or [K, C]; "auto" on a channel whose mean
             is negative, or zero while the rest is not, which no window can mend.
     """
+    if name == "picture":
+        raise InputError(
+            "window 'picture' depends on the asset: use diffprt.rendering.PictureWindow, or a window such as 'none'"
+        )
     if name not in WINDOWS:
         raise InputError(f"unknown window {name!r}: choose one of {', '.join(WINDOWS)}")
     if coefficients.dim() not in (1, 2) or not coefficients.is_floating_point():

@@ -13,9 +13,10 @@ import pytest
 import torch
 
 import diffprt.exporters
-from diffprt import sh
+from diffprt import bake
 from diffprt.exporters import export
-from diffprt.scene import Environment
+from diffprt.rendering import PictureWindow
+from diffprt.scene import Camera, Environment, builtin_scene
 
 HEIGHT, WIDTH = 16, 32
 
@@ -67,7 +68,7 @@ def page(clustered, synthetic, tmp_path, open_page):
     return open_page(tmp_path / "index.html", reduced_motion="reduce")
 
 
-def test_maps_are_projected_as_in_python(texels, page, tmp_path) -> None:
+def test_maps_are_projected_as_in_python(texels, page, clustered, tmp_path) -> None:
     (tmp_path / "map.hdr").write_bytes(flat(texels))
     environment = Environment.load(tmp_path / "map.hdr")
     for order in (1, 4, 10):
@@ -77,13 +78,15 @@ def test_maps_are_projected_as_in_python(texels, page, tmp_path) -> None:
             found = torch.tensor(found).view(-1, 3)
             assert (found - expected).abs().max() < 1e-3 * expected.abs().max()
 
-    # Through the file chooser it becomes a light, windowed, as bright as the first.
+    # Through the file chooser it becomes a light, windowed, at most as bright as the first.
     first = torch.tensor(page.info()["light"]).view(-1, 3)
     page.tab.set_input_files("#map", tmp_path / "map.hdr")
     page.tab.wait_for_function("() => diffprt.info.lightIndex === 1")
     light = torch.tensor(page.info()["light"]).view(-1, 3)
-    expected, _ = sh.apply_window(environment.project(4).coefficients, "hann")
-    expected = expected * (first[0].sum() / expected[0].sum())
+    window = PictureWindow.of(clustered, Camera.framing(clustered.elements.subject))
+    expected = window.project(environment).coefficients
+    expected = expected * (light[0].sum() / expected[0].sum())
+    assert light[0].sum() <= first[0].sum() * 1.001
     torch.testing.assert_close(light, expected, rtol=1e-3, atol=1e-3)
     assert page.tab.get_by_label("map").is_checked()
 
@@ -153,6 +156,34 @@ def test_files_cost_what_they_hold_not_what_they_promise(texels, tmp_path) -> No
         assert found[name]["largest"] < 1 << 20, (name, found[name])
     assert found["whole, older"]["said"] == found["whole, newer"]["said"]
     assert float(found["whole, newer"]["said"]) > 1
+
+
+def test_the_page_chooses_the_window_that_python_chooses(tmp_path, open_page) -> None:
+    asset = bake(builtin_scene("cornell", subdivisions=1), order=4, rays=128, bounces=0)
+    chosen = PictureWindow.of(asset, Camera.framing(asset.elements.subject))
+    export(asset, tmp_path)
+    page, found = open_page(tmp_path / "index.html"), {}
+    for column in range(0, WIDTH, 4):
+        sun = np.full((HEIGHT, WIDTH, 3), 0.25)
+        sun[4:6, column : column + 2] = 128.0
+        (tmp_path / "sun.hdr").write_bytes(flat(rgbe(sun)))
+        light = chosen.project(Environment.load(tmp_path / "sun.hdr"))
+        text = base64.b64encode((tmp_path / "sun.hdr").read_bytes()).decode()
+        answer = page.call("lightOfHdr", text)
+        found[column] = answer["window"]
+        assert answer["window"] == light.report["window"]
+        own = torch.tensor(answer["coefficients"]).view(-1, 3)
+        assert (own - light.coefficients).abs().max() < 1e-3 * light.coefficients.abs().max()
+    assert len(set(found.values())) > 1, found
+    page.tab.set_input_files("#map", tmp_path / "sun.hdr")
+    page.tab.wait_for_function("() => diffprt.info.lightIndex === 1")
+    for turn in ([1, 0, 0, 0, 1, 0, 0, 0, 1], [-1, 0, 0, 0, 1, 0, 0, 0, -1]):
+        page.call("setLightRotation", turn)
+        shown, mask = page.pixels()
+        assert shown[~mask].max() < 1.0
+    export(asset, tmp_path, window="hann")
+    page.open(tmp_path / "index.html")
+    assert page.call("lightOfHdr", text)["window"] == "hann"
 
 
 def test_broken_maps_change_nothing(texels, page) -> None:

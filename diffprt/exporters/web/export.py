@@ -19,7 +19,9 @@ from diffprt.exporters.web.fallback_picture import fallback_picture
 from diffprt.exporters.web.lights import default_light
 from diffprt.exporters.web.template import fill_template, joined_scripts, page_source, script_json, shader_elements
 from diffprt.exporters.web.versions import collect
-from diffprt.options import ExportOptions, takes
+from diffprt.options import CURVES, ExportOptions, takes
+from diffprt.rendering import PictureWindow
+from diffprt.rendering.exposure import white
 from diffprt.representation import Representation
 from diffprt.scene import Light
 from diffprt.scene.camera import Camera
@@ -91,11 +93,16 @@ def page_of(asset: Representation, options: ExportOptions) -> Page:
     _check_lights(lights, asset.order)
     collected = collect(asset, packed, options)
     own = next(iter(collected.packed.values()))
-    camera = options.camera or Camera.framing(positions)
+    camera = options.camera or Camera.framing(asset.elements.subject)
     title = options.title or "diffprt"
 
     store = ArrayStore()
     entries = [version_entry(name, version, store) for name, version in collected.packed.items()]
+    # Not of the asset: its bytes are the page's own.
+    aside, window = ArrayStore(), {"name": options.window}
+    if options.window in ("picture", "auto"):
+        rows = PictureWindow.of(asset, camera).rows
+        window = {"name": "picture", "rows": aside.add("picture rows", floats(rows))} if len(rows) else {"name": "none"}
     heat: dict[str, Any] = {}
     if collected.error is not None:
         # One outlier would leave all else in the lowest color.
@@ -106,7 +113,7 @@ def page_of(asset: Representation, options: ExportOptions) -> Page:
         "facts": {**counts, **own.facts},
         "versions": entries,
         "heat": heat,
-        "arrays": store.forms,
+        "arrays": store.forms | aside.forms,
         "bounds": _bounds(positions),
         "camera": {
             "eye": camera.eye,
@@ -117,8 +124,15 @@ def page_of(asset: Representation, options: ExportOptions) -> Page:
         },
         "exposure": options.exposure,
         "curve": options.curve,
+        "window": window,
+        "white": {curve: white(curve) for curve in CURVES},
         "lights": [
-            {"name": name, "coefficients": _short_numbers(light.coefficients)} for name, light in lights.items()
+            {
+                "name": name,
+                "coefficients": _short_numbers(light.coefficients),
+                "rings": light.seen() is not light,
+            }
+            for name, light in lights.items()
         ],
         "certificate": asset.certificate,
     }
@@ -129,7 +143,7 @@ def page_of(asset: Representation, options: ExportOptions) -> Page:
             "style": page_source("style.css").rstrip(),
             "manifest": script_json(manifest),
             "shaders": "\n".join(shader_elements(programs, options.registers)),
-            "arrays": "\n".join(store.elements),
+            "arrays": "\n".join([*store.elements, *aside.elements]),
             "picture": fallback_picture(
                 asset, next(iter(lights.values())), camera, exposure=options.exposure, curve=options.curve
             ),

@@ -8,7 +8,8 @@ from functools import lru_cache
 import torch
 
 from diffprt import sh
-from diffprt.rendering import auto_exposure, render
+from diffprt.options import ExportOptions
+from diffprt.rendering import view_exposure
 from diffprt.representation import Representation
 from diffprt.scene import Camera, Light
 
@@ -27,8 +28,9 @@ def default_light(order: int) -> Light:
     return Light(windowed.float())
 
 
-def balanced_light(asset: Representation, light: Light) -> Light:
-    """The light scaled so that the asset is well exposed at exposure 1: maps come in any unit."""
-    camera = Camera.framing(asset.elements.positions, width=64, height=64)
-    factor = auto_exposure(render(asset, light, camera), asset.elements.view(camera).mask)
+def balanced_light(
+    asset: Representation, light: Light, camera: Camera | None = None, *, curve: str = ExportOptions.curve
+) -> Light:
+    """The light scaled so that the asset is well exposed at exposure 1, as `render` does it: maps come in any unit."""
+    factor = view_exposure(asset, light, camera or Camera.framing(asset.elements.subject), curve=curve)
     return Light(light.coefficients * factor, light.report)

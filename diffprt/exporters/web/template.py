@@ -23,6 +23,7 @@ _SCRIPTS = (
     "radiance_hdr.js",
     "project_map.js",
     "payload.js",
+    "light_window.js",
     "program.js",
     "table.js",
     "mesh.js",

@@ -8,6 +8,7 @@ from diffprt.brdf import Brdf
 from diffprt.errors import InputError
 from diffprt.options.keywords import takes
 from diffprt.scene import Scene
+from diffprt.torch_threads import one_torch_thread
 from diffprt.transfer.baking.job import Job, JobOptions, RunOptions
 from diffprt.transfer.diffuse.job import DiffuseJob
 from diffprt.transfer.diffuse.signal import Transfer
@@ -30,6 +31,7 @@ def prepare(scene: Scene, options: JobOptions) -> Job:
 
 
 @takes(RunOptions)
+@one_torch_thread()
 def bake(scene: Scene, options: RunOptions) -> Transfer | GlossyTransfer:
     """Computes how a scene transports light, in SH: `prepare(scene, ...).run(...)`.
 
@@ -62,6 +64,7 @@ def bake_glossy(scene: Scene, brdf: Brdf | Sequence[Brdf], options: RunOptions) 
 
 
 @takes(RunOptions)
+@one_torch_thread()
 def trace(scene: Scene, options: RunOptions) -> Transport:
     """The first half of a diffuse `bake`, same arguments: what rays find at the scene's own vertices.
 

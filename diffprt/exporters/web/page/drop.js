@@ -1,14 +1,17 @@
 // An .hdr that is dropped on the page, or chosen, becomes a light.
-import { hannWindow, projectMap } from "./project_map.js";
+import { FULL_ORDER, throughWindow } from "./light_window.js";
+import { projectMap } from "./project_map.js";
 import { readRadiance } from "./radiance_hdr.js";
 
-// add(name, coefficients) takes the light, complain(text) what is wrong with the file.
-export function listenForFiles({ order, add, complain }) {
+// add(name, coefficients, window) takes the light, complain(text) what is wrong with the file.
+export function listenForFiles({ manifest, add, complain }) {
   const take = async (file) => {
     if (!file) return;
     try {
       const picture = readRadiance(new Uint8Array(await file.arrayBuffer()));
-      add(file.name.replace(/\.\w+$/, ""), hannWindow(projectMap(picture, order)));
+      const full = projectMap(picture, FULL_ORDER);
+      const { coefficients, window } = await throughWindow(full, manifest.facts.order, manifest);
+      add(file.name.replace(/\.\w+$/, ""), coefficients, window);
     } catch (error) {
       complain(`${file.name}: ${error.message}; nothing was changed.`);
     }

@@ -63,11 +63,3 @@ function rowIntegrals(y, width, height, order) {
   return integrals;
 }
 
-// Against ringing, as `window="hann"`: (1 + cos(pi l / order)) / 2.
-export function hannWindow(coefficients) {
-  const order = Math.round(Math.sqrt(coefficients.length / 3));
-  return coefficients.map((value, i) => {
-    const band = Math.floor(Math.sqrt(Math.floor(i / 3)));
-    return 0.5 * (1 + Math.cos((Math.PI * band) / order)) * value;
-  });
-}

@@ -56,9 +56,10 @@ export class Renderer {
     return this.heatMap.names;
   }
 
-  // light: [K * 3], already turned; for every version that is loaded.
-  setLight(light) {
+  // light: [K * 3], already turned; for every version that is loaded. sky: the same as it is seen.
+  setLight(light, sky = light) {
     this.light = light;
+    this.sky = sky;
     for (const representation of this.representations.values()) representation.setLight(light);
   }
 
@@ -101,8 +102,8 @@ export class Renderer {
     this.skyProgram.use({
       ...shared,
       rayFromClip: inverse4(multiply(projection, turnOnly, 4)),
-      order: Math.round(Math.sqrt(this.light.length / 3)),
-      light: padLight(this.light, LONGEST_LIGHT),
+      order: Math.round(Math.sqrt(this.sky.length / 3)),
+      light: padLight(this.sky, LONGEST_LIGHT),
     });
     gl.bindVertexArray(this.emptyArray);
     gl.disable(gl.DEPTH_TEST);

@@ -1,4 +1,5 @@
 // `window.diffprt`, to drive the page from a script.
+import { FULL_ORDER, throughWindow } from "./light_window.js";
 import { projectMap } from "./project_map.js";
 import { readRadiance } from "./radiance_hdr.js";
 import { shRotate } from "./sh.js";
@@ -95,6 +96,13 @@ export function scripted(viewer) {
     projectHdr(text, order) {
       const bytes = Uint8Array.from(atob(text), (character) => character.charCodeAt(0));
       return Array.from(projectMap(readRadiance(bytes), order));
+    },
+    // { coefficients, window } of an .hdr in base64, as it is when dropped.
+    async lightOfHdr(text) {
+      const bytes = Uint8Array.from(atob(text), (character) => character.charCodeAt(0));
+      const full = projectMap(readRadiance(bytes), FULL_ORDER);
+      const { coefficients, window } = await throughWindow(full, viewer.manifest.facts.order, viewer.manifest);
+      return { coefficients: Array.from(coefficients), window };
     },
     // Milliseconds of `count` frames, each drawn whole; with `turning`, under a light turned a little further.
     timeFrames: (count, turning = false) => viewer.timeFrames(count, turning),

@@ -2,6 +2,7 @@
 import { listenForFiles } from "./drop.js";
 import { FrameClock } from "./frame_clock.js";
 import { showLegend } from "./legend.js";
+import { peakOf, windowed } from "./light_window.js";
 import { lightTurn } from "./matrix.js";
 import { showMessage } from "./message.js";
 import { Orbit } from "./orbit.js";
@@ -33,6 +34,7 @@ export class Viewer {
     this.renderer = renderer;
     this.coefficients = manifest.facts.order ** 2 * 3;
     this.lights = manifest.lights.map(({ coefficients }) => Float64Array.from(coefficients));
+    this.ringing = manifest.lights.map(({ rings }) => rings); // those whose sky is drawn through a window
     this.clock = new FrameClock(this.renderer.gl);
     this.orbit = new Orbit(manifest.camera, manifest.bounds);
     this.calm = matchMedia("(prefers-reduced-motion: reduce)");
@@ -61,8 +63,8 @@ export class Viewer {
     this.wipe = new Wipe(this.actions());
     listen(this.canvas, this.actions());
     listenForFiles({
-      order: manifest.facts.order,
-      add: (name, coefficients) => this.addLight(name, coefficients),
+      manifest,
+      add: (name, coefficients, window) => this.addLight(name, coefficients, window === "none"),
       complain: (text) => showMessage(text, true),
     });
     this.watchContext();
@@ -153,12 +155,17 @@ export class Viewer {
     this.change({ order });
   }
 
-  // Maps come in any unit: the new light is made as bright on average as the first one.
-  addLight(name, coefficients) {
+  // Maps come in any unit: the new light is made as bright on average as the first one, or less where its sky would
+  // be white.
+  addLight(name, coefficients, rings) {
     const mean = (light) => Math.abs(light[0] + light[1] + light[2]);
-    const factor = mean(coefficients) > 0 ? mean(this.lights[0]) / mean(coefficients) : 1;
+    const { white, exposure } = this.manifest;
+    const peak = peakOf(rings ? windowed(coefficients, "hann") : coefficients) * exposure;
+    const alike = mean(coefficients) > 0 ? mean(this.lights[0]) / mean(coefficients) : 1;
+    const factor = peak > 0 ? Math.min(alike, white[this.state.curve] / peak) : alike;
     const light = coefficients.map((value) => value * factor);
     this.lights.push(light);
+    this.ringing.push(rings);
     this.panel.addLight(name, light);
     this.setLight(light, this.lights.length - 1);
   }
@@ -242,7 +249,8 @@ export class Viewer {
     const { state, canvas } = this;
     if (this.lightChanged) {
       // Harmonics of an order are whole bands: fewer of the light's are as good as fewer of the transfer's.
-      this.renderer.setLight(shRotate(state.light, state.turn).fill(0, 3 * state.order ** 2));
+      const light = shRotate(state.light, state.turn).fill(0, 3 * state.order ** 2);
+      this.renderer.setLight(light, this.ringing[state.lightIndex] ? windowed(light, "hann") : light);
       this.lightChanged = false;
     }
     const size = this.fixedSize ?? { width: canvas.clientWidth || 1, height: canvas.clientHeight || 1 };

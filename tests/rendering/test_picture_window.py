@@ -1,0 +1,114 @@
+"""The window that errs least in the picture, against what an asset of order 10 says."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from diffprt import bake
+from diffprt.errors import InputError
+from diffprt.rendering import PictureWindow, clipped_share, render, view_exposure
+from diffprt.rendering.picture_window import CHOICES, extended
+from diffprt.scene import Camera, Environment, builtin_environment, builtin_scene
+from diffprt.shading import tone_map
+
+ORDER = 4
+SCENES = {
+    "ball on ground": builtin_scene("sphere", subdivisions=2).with_ground(resolution=12),
+    "cornell": builtin_scene("cornell", subdivisions=2),
+    "bowl": builtin_scene("bowl", subdivisions=0).with_ground(resolution=12),
+}
+
+
+def small_sun() -> Environment:
+    """A sun of eight texels low in the front, in a faint sky."""
+    image = torch.full((16, 32, 3), 0.2)
+    image[5:7, 14:18] = 60.0
+    return Environment(image, "small sun")
+
+
+MAPS = {"sky": builtin_environment("sky"), "studio": builtin_environment("studio"), "small sun": small_sun()}
+
+
+@pytest.fixture(scope="module")
+def assets():
+    made = {}
+    for name, scene in SCENES.items():
+        made[name] = [bake(scene, order=order, rays=256, bounces=1) for order in (ORDER, 10)]
+    return made
+
+
+def camera_of(asset) -> Camera:
+    return Camera.framing(asset.elements.subject, width=48, height=48)
+
+
+@pytest.mark.parametrize("map_name", MAPS)
+@pytest.mark.parametrize("name", SCENES)
+def test_the_picture_errs_about_as_little_as_with_the_best_fixed_window(name, map_name, assets):
+    asset, full = assets[name]
+    environment, camera = MAPS[map_name], camera_of(asset)
+    truth = render(full, environment.project(10), camera).clamp_min(0)
+
+    def error(light) -> float:
+        return float((render(asset, light, camera).clamp_min(0) - truth).square().mean().sqrt())
+
+    fixed = {window: error(environment.project(ORDER, window=window)) for window in CHOICES}
+    chosen = error(PictureWindow.of(asset, camera).project(environment))
+    assert chosen <= 1.1 * min(fixed.values())
+
+
+def test_some_pictures_want_a_window_and_others_none(assets):
+    chosen = {
+        (name, map_name): PictureWindow.of(small, camera_of(small)).project(environment).report["window"]
+        for name, (small, _) in assets.items()
+        for map_name, environment in MAPS.items()
+    }
+    assert chosen["ball on ground", "studio"] == "none"
+    assert chosen["cornell", "sky"] != "none"
+
+
+def test_a_turned_light_is_judged_as_it_is_turned(assets):
+    asset = assets["cornell"][0]
+    window = PictureWindow.of(asset, camera_of(asset))
+    turn = torch.tensor([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
+    rolled = Environment(MAPS["small sun"].image.roll(8, dims=1), "small sun")
+    for turned in (turn, turn.T):
+        one, other = window.project(MAPS["small sun"], turned), window.project(rolled)
+        if torch.allclose(one.coefficients, other.coefficients, atol=1e-3):
+            assert one.report["expected_errors"] == pytest.approx(other.report["expected_errors"], rel=1e-3)
+            return
+    pytest.fail("no quarter turn of the light is that of its map")
+
+
+def test_answers_are_extended_by_what_makes_them_positive_and_their_bands_are_kept(assets):
+    small, full = assets["ball on ground"]
+    asset_rows = small.diffuse[:, 0].double()
+    beyond = extended(asset_rows, 10)
+    assert torch.equal(beyond[:, : ORDER**2], asset_rows)
+    truth = full.diffuse[:, 0].double()[:, ORDER**2 :]
+    assert (beyond[:, ORDER**2 :] - truth).norm() < 0.8 * truth.norm()
+
+
+def test_picture_is_refused_by_name_where_there_is_no_asset():
+    with pytest.raises(InputError, match="window 'picture' depends on the asset"):
+        builtin_environment("sky").project(3, window="picture")
+
+
+def test_what_is_clipped_is_a_share_of_what_is_positive():
+    image = torch.tensor([[[2.0, -1.0, 0.0], [3.0, -9.0, 9.0]]])
+    assert clipped_share(image, torch.tensor([[True, False]])) == 0.5
+    assert clipped_share(image, torch.zeros(1, 2, dtype=torch.bool)) == 0.0
+
+
+@pytest.mark.parametrize("curve", ["linear", "reinhard", "aces"])
+@pytest.mark.parametrize("map_name", MAPS)
+@pytest.mark.parametrize("name", SCENES)
+def test_the_sky_is_below_white_from_every_side(name, map_name, curve, assets):
+    asset, camera = assets[name][0], camera_of(assets[name][0])
+    light = PictureWindow.of(asset, camera).project(MAPS[map_name])
+    factor = view_exposure(asset, light, camera, curve=curve)
+    for azimuth in range(0, 360, 120):
+        around = replace(Camera.framing(asset.elements.subject, azimuth=azimuth, elevation=30, width=32, height=32))
+        image = render(asset, light, around, background="light")
+        sky = tone_map(image, exposure=factor, curve=curve)[~asset.elements.view(around).mask]
+        assert len(sky) and float(sky.max()) < 1.0
