@@ -170,7 +170,7 @@ def test_names_that_cannot_be_are_refused_before_work(arguments, words, place, c
         "compress a.prt -o out.prt --clusters 2 --components 1",
         "export a.prt -o page",
         "invert albedo a.prt --references refs -o out.prt",
-        "bake builtin:sphere -o out.prt --order 1 --bounces 0 --plan on",
+        "bake builtin:sphere -o out.prt --order 1 --bounces 0 --rays 16",
     ],
 )
 def test_on_a_full_disk_a_command_says_one_line_and_leaves_what_was_there(command, place, capsys):
@@ -188,4 +188,6 @@ def test_on_a_full_disk_a_command_says_one_line_and_leaves_what_was_there(comman
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limit)
         signal.signal(signal.SIGXFSZ, handler)
-    assert snapshot(place) == before
+    # A bake that could not be saved is finished by the next run.
+    after = {path: content for path, content in snapshot(place).items() if ".parts" not in str(path)}
+    assert after == before
