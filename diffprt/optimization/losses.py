@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import kornia
 import torch
@@ -49,7 +50,8 @@ def total_variation(image: torch.Tensor, reference: torch.Tensor, mask: torch.Te
 
 
 ImageLoss = Callable[..., torch.Tensor]
-LossLike = str | ImageLoss | Mapping["str | ImageLoss", float]
+# Keys of the weights are names and functions; a mapping's keys are invariant, so that a type checker could not have both.
+LossLike = str | ImageLoss | Mapping[Any, float]
 
 IMAGE_LOSSES: dict[str, ImageLoss] = {
     "image": relative_squared,
@@ -61,7 +63,7 @@ IMAGE_LOSSES: dict[str, ImageLoss] = {
 }
 
 
-def named_losses(loss: LossLike) -> tuple[LossLike, dict[str, OwnLoss]]:
+def named_losses(loss: LossLike) -> tuple[str | dict[str, float], dict[str, OwnLoss]]:
     """What `parse_loss` takes, with names in place of callables, and the callables by these names.
 
     Raises:
@@ -69,11 +71,10 @@ def named_losses(loss: LossLike) -> tuple[LossLike, dict[str, OwnLoss]]:
     """
     if isinstance(loss, str):
         return loss, {}
-    if not isinstance(loss, Mapping):
-        loss = {loss: 1.0}
-    weights: dict[str | ImageLoss, float] = {}
+    terms: Mapping[Any, float] = loss if isinstance(loss, Mapping) else {loss: 1.0}
+    weights: dict[str, float] = {}
     own: dict[str, OwnLoss] = {}
-    for term, weight in loss.items():
+    for term, weight in terms.items():
         if isinstance(term, str):
             weights[term] = weight
             continue
@@ -83,7 +84,7 @@ def named_losses(loss: LossLike) -> tuple[LossLike, dict[str, OwnLoss]]:
                 "weights of these"
             )
         name = own_name(term)
-        name = next(n for n in (name, *(f"{name} {i}" for i in range(2, len(loss) + 2))) if n not in own)
+        name = next(n for n in (name, *(f"{name} {i}" for i in range(2, len(terms) + 2))) if n not in own)
         weights[name], own[name] = weight, OwnLoss(name, term)
     return weights, own
 
