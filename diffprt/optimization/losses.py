@@ -50,7 +50,7 @@ def total_variation(image: torch.Tensor, reference: torch.Tensor, mask: torch.Te
 
 
 ImageLoss = Callable[..., torch.Tensor]
-# Keys of the weights are names and functions; a mapping's keys are invariant, so that a type checker could not have both.
+# Keys are names and functions: a mapping's keys are invariant, so that no type of both would admit either.
 LossLike = str | ImageLoss | Mapping[Any, float]
 
 IMAGE_LOSSES: dict[str, ImageLoss] = {

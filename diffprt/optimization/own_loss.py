@@ -32,7 +32,7 @@ class OwnLoss:
     """
 
     name: str
-    function: Callable[..., torch.Tensor]
+    function: Callable[..., object]
     places: tuple[str, ...] = field(init=False)
     names: tuple[str, ...] = field(init=False)
 
