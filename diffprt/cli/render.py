@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import time
+from functools import partial
 from pathlib import Path
 
 import typer
 
+from diffprt.cli.light_sequence import light_names, picture_files, write_sequence
 from diffprt.cli.outputs import JsonFile, check_ending, check_output, write_report
 from diffprt.cli.parsing import parse_color, parse_number, parse_size
 from diffprt.errors import InputError
@@ -15,8 +17,16 @@ from diffprt.progress import track
 
 def run(
     source: Path = typer.Argument(..., metavar="ASSET", help="A .prt file."),
-    light: str = typer.Option("studio", help="sky, studio, constant, or an equirectangular map (.hdr, .exr, .png)."),
-    output: Path = typer.Option(Path("render.png"), "-o", "--output", help="A .png (display) or .exr (radiance)."),
+    light: str = typer.Option(
+        None, help="sky, studio, constant, or an equirectangular map (.hdr, .exr, .png).  [default: studio]"
+    ),
+    output: Path = typer.Option(
+        None,
+        "-o",
+        "--output",
+        help="A .png (display) or .exr (radiance); with --lights a folder, or a name such as day/{light}.exr, where "
+        "{light} is the map's name and {index} counts from 0.  [default: render.png; with --lights the folder render]",
+    ),
     size: str = typer.Option("512", help="Pixels: 512 or 640x480."),
     azimuth: float = typer.Option(25.0, help="Camera, degrees around +y from +z."),
     elevation: float = typer.Option(15.0, help="Camera, degrees above the horizon."),
@@ -31,16 +41,23 @@ def run(
         None, help="Write this many pictures, each of a random view and light, with references.json, to the folder -o."
     ),
     lights: str = typer.Option(
-        "sky,studio", help="With --reference-set: lights and maps, separated by commas, taken in turn."
+        None,
+        help="Lights and maps, separated by commas, or a folder of maps: a picture under each, all of one exposure. "
+        "With --reference-set they are taken in turn.  [default there: sky,studio]",
     ),
     turn: bool = typer.Option(True, help="With --reference-set: turn every picture's light at random."),
     seed: int = typer.Option(0, help="With --reference-set: of views and turns."),
     json_file: Path = JsonFile,
 ) -> None:
+    if light is not None and lights is not None:
+        raise InputError("--light and --lights were given together: give one light, or all of them as --lights")
     if reference_set is not None:
-        names = lights.split(",")
+        names, output = light_names(lights or "sky,studio"), output or Path("render.png")
         return _reference_set(source, names, output, reference_set, size, window, samples, turn, seed, json_file)
-    check_ending(output, ".png", ".exr")
+    names = None if lights is None else light_names(lights)
+    files = None if names is None else picture_files(output, names)
+    light, output = light or "studio", output or Path("render.png")
+    check_ending(output if files is None else files[0], ".png", ".exr")
     behind = background if background == "light" else parse_color(background, "background")
     width, height = parse_size(size)
     factor = None if exposure == "auto" else parse_number(exposure, "exposure")
@@ -54,11 +71,15 @@ def run(
     from diffprt.shading import tone_map
 
     asset = assets.load(source)
-    radiance = load_light(light, asset.order, window=window, azimuth=light_azimuth)
-    check_output(output)
+    load = partial(load_light, order=asset.order, window=window, azimuth=light_azimuth)
     camera = Camera.framing(
         asset.elements.positions, azimuth=azimuth, elevation=elevation, fov=fov, width=width, height=height
     )
+    if names is not None and files is not None:
+        look: dict = {"exposure": factor, "curve": curve, "background": behind, "samples": samples}
+        return write_sequence(names, files, asset, camera, load, **look, window=window, json_file=json_file)
+    radiance = load(light)
+    check_output(output)
     loaded = time.perf_counter()
     image = render(asset, radiance, camera, background=behind, samples=samples)
     mask = asset.elements.view(camera).mask

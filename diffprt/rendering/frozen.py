@@ -19,7 +19,7 @@ import torch
 from diffprt.errors import InputError
 from diffprt.representation.elements import Elements
 from diffprt.representation.interface import Representation
-from diffprt.representation.lighting import LightsLike, batch_of
+from diffprt.representation.lighting import LightsLike, each_of
 from diffprt.representation.lit import Basis, ConstantBasis, Lit
 from diffprt.representation.view import View
 from diffprt.scene.camera import Camera
@@ -129,10 +129,10 @@ def pixel_radiance(
             "freeze it again with FrozenView.of(asset.elements, camera)"
         )
     part = asset.picked(frozen.seen)
-    albedo, batch = None if albedo is None else albedo[frozen.seen], batch_of(light)
-    if batch is None:
-        return frozen.radiance(part.lit(light, albedo=albedo))
-    return frozen.radiance(part.lit_each(batch, albedo=albedo)).unflatten(1, (-1, 3)).transpose(0, 1)
+    albedo, (each, batch) = None if albedo is None else albedo[frozen.seen], each_of(light)
+    if not batch:
+        return frozen.radiance(part.lit(each[0], albedo=albedo))
+    return frozen.radiance(part.lit_each(each, albedo=albedo)).unflatten(1, (-1, 3)).transpose(0, 1)
 
 
 def picture(

@@ -8,7 +8,7 @@ import torch
 
 from diffprt.errors import InputError
 from diffprt.representation.interface import Representation
-from diffprt.representation.lighting import Lighting, LightingLike, LightsLike, batch_of
+from diffprt.representation.lighting import Lighting, LightingLike, LightsLike, each_of
 from diffprt.representation.lit import Lit
 from diffprt.representation.view import View
 from diffprt.scene.camera import Camera
@@ -53,12 +53,11 @@ def render(
     if not 1 <= samples <= 16:
         raise InputError(f"samples is {samples}: give 1 to 16 a side")
     fine = replace(camera, width=camera.width * samples, height=camera.height * samples)
-    batch = batch_of(light)
-    each = [light] if batch is None else batch
+    each, batch = each_of(light)
     rays = pixel_rays(fine) if background == "light" else None
     behind = [_background(background, one, rays) for one in each]
     view = asset.elements.view(fine, threads=threads)
-    lit = asset.lit(light) if batch is None else asset.lit_each(batch)
+    lit = asset.lit_each(each) if batch else asset.lit(each[0])
     pictures = []
     for first in range(0, len(each), _LIGHTS_AT_ONCE):
         last = min(first + _LIGHTS_AT_ONCE, len(each))
@@ -69,7 +68,7 @@ def render(
         if samples > 1:
             image = image.reshape(camera.height, samples, camera.width, samples, -1).mean(dim=(1, 3))
         pictures += image.split(3, dim=-1)
-    return pictures[0] if batch is None else torch.stack(pictures)
+    return torch.stack(pictures) if batch else pictures[0]
 
 
 def radiance_in_view(lit: Lit, view: View, camera: Camera) -> torch.Tensor:

@@ -85,19 +85,19 @@ LightingLike = Light | torch.Tensor | Mapping[str, "float | torch.Tensor"] | Lig
 LightsLike = LightingLike | Sequence[LightingLike]
 
 
-def batch_of(lights: LightsLike) -> list[LightingLike] | None:
-    """The lights of a list, or of coefficients [B, K, 3]; None where one light is given.
+def each_of(lights: LightsLike) -> tuple[Sequence[LightingLike], bool]:
+    """The lights of a list, or of coefficients [B, K, 3], and that they are a batch; or the one light that is given.
 
     Raises:
-        InputError: there are none.
+        InputError: the batch is empty.
     """
     if isinstance(lights, torch.Tensor):
-        each = list(lights.unbind()) if lights.dim() == 3 else None
+        each, batch = (lights.unbind(), True) if lights.dim() == 3 else ([lights], False)
     else:
-        each = list(lights) if isinstance(lights, list | tuple) else None
-    if each is not None and not each:
+        each, batch = (lights, True) if isinstance(lights, list | tuple) else ([lights], False)
+    if not each:
         raise InputError("the batch of lights is empty: give one light or more")
-    return each
+    return each, batch  # pyright: ignore[reportReturnType]  a light is no sequence
 
 
 def stacked_coefficients(lights: Sequence[LightingLike], order: int, of: str) -> torch.Tensor:

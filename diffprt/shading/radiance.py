@@ -6,7 +6,7 @@ import torch
 
 from diffprt.errors import InputError
 from diffprt.representation.interface import Representation
-from diffprt.representation.lighting import LightsLike, batch_of
+from diffprt.representation.lighting import LightsLike, each_of
 
 
 def shade(
@@ -38,7 +38,5 @@ def shade(
     eye = None if view is None else torch.as_tensor(view, dtype=dtype, device=asset.elements.positions.device)
     if eye is not None and tuple(eye.shape) not in {(3,), (count, 3)}:
         raise InputError(f"eye has shape {list(eye.shape)}: give one position [3], or one per element [{count}, 3]")
-    batch = batch_of(light)
-    return (
-        asset.radiance(light, eye, albedo=albedo) if batch is None else asset.radiance_each(batch, eye, albedo=albedo)
-    )
+    each, batch = each_of(light)
+    return asset.radiance_each(each, eye, albedo=albedo) if batch else asset.radiance(each[0], eye, albedo=albedo)

@@ -107,8 +107,8 @@ class DiffuseTransfer(TransferAtReceivers):
         bases and weights), light and albedo."""
         irradiance = self.exit_radiance(lighting)[..., 0]
         albedo = self.receivers.albedo if albedo is None else albedo
-        albedo = albedo.to(irradiance.dtype).repeat(1, irradiance.shape[1] // 3)
-        return Lit((albedo / math.pi * irradiance)[..., None], ConstantBasis())
+        reflected = albedo.to(irradiance.dtype).unsqueeze(-2) / math.pi * irradiance.unflatten(1, (-1, 3))
+        return Lit(reflected.flatten(1)[..., None], ConstantBasis())
 
     def check_albedo(self) -> None:
         pass

@@ -76,7 +76,9 @@ def test_gradients_reach_every_light(kind, draw):
 def test_an_albedo_is_that_of_all_of_them():
     asset, lights, camera = made("transfer")
     albedo = torch.rand(len(asset.elements), 3)
-    close(shade(asset, lights, albedo=albedo), [shade(asset, light, albedo=albedo) for light in lights])
+    for given in (albedo, albedo[:, :1], albedo[0]):
+        found = shade(asset, lights, albedo=given)
+        close(found, [shade(asset, light, albedo=given) for light in lights])
     frozen = FrozenView.of(asset.elements, camera)
     found = picture(asset, lights, frozen, albedo=albedo)
     close(found, [picture(asset, light, frozen, albedo=albedo) for light in lights])
