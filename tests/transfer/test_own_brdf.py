@@ -15,6 +15,7 @@ from diffprt.brdf.local import cosine_pdf, cosine_sample
 from diffprt.cli import main
 from diffprt.errors import InputError, Interrupted
 from diffprt.scene import Camera, Material
+from diffprt.study.mitsuba.bsdf import mitsuba_bsdf
 
 BAKE = {"order": 3, "rays": 32, "bounces": 1}
 
@@ -126,6 +127,12 @@ def test_chunks_of_another_of_the_same_name_are_refused(tmp_path):
     assert torch.equal(first.glossy, again.glossy)
     with pytest.raises((InputError, Interrupted), match="another"):
         bake_glossy(kinds.ball(), named(0.5), **BAKE, checkpoint=tmp_path / "chunks")
+
+
+@pytest.mark.parametrize("own", [Even(), MyPhong(8.0)])
+def test_a_comparison_with_mitsuba_does_not_take_it_for_another(own):
+    with pytest.raises(InputError, match=f"Mitsuba has no {type(own).__name__}"):
+        mitsuba_bsdf(None, own)
 
 
 def changed(**methods):
