@@ -86,7 +86,8 @@ def _background(
     """What stands behind the asset: a color [3], or the distant light along `rays`, [H, W, 3]."""
     if rays is not None:
         return _distant(light).radiance(rays)
-    return torch.tensor((0.0, 0.0, 0.0) if background is None else background)
+    color = torch.as_tensor(0.0 if background is None else background)
+    return color.expand(*color.shape[:-1], 3)
 
 
 def _distant(light: LightingLike) -> Light:

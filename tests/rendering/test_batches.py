@@ -49,7 +49,7 @@ def test_coefficients_are_a_batch_and_backgrounds_are_their_own(kind):
     asset, lights, camera = made(kind)
     batch = torch.stack([light.coefficients for light in lights])
     assert torch.equal(shade(asset, batch, EYE), shade(asset, lights, EYE))
-    for background in ("light", (0.1, 0.2, 0.3)):
+    for background in ("light", (0.1, 0.2, 0.3), 0.4):
         found = render(asset, batch, camera, background=background)
         close(found, [render(asset, light, camera, background=background) for light in lights])
 
