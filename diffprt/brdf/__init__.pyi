@@ -13,6 +13,10 @@ from .interface import Lambert as Lambert
 from .matrix import brdf_matrix as brdf_matrix
 from .microfacet import GGX as GGX
 from .microfacet import CookTorrance as CookTorrance
+from .own import check_brdf as check_brdf
+from .own import is_own as is_own
+from .own import mark as mark
+from .own import recorded as recorded
 from .phong import ModifiedPhong as ModifiedPhong
 from .phong import Phong as Phong
 from .westin import westin_matrix as westin_matrix

@@ -18,6 +18,7 @@ import torch
 
 from diffprt.brdf.hemisphere import from_blocks, hemisphere_moments, polar_harmonics
 from diffprt.brdf.interface import Brdf
+from diffprt.brdf.own import check_brdf
 from diffprt.brdf.parameter import of_dtype
 from diffprt.sh import check_order
 
@@ -46,8 +47,9 @@ def brdf_matrix(
         float64 [C, K_out, K_in], C = `brdf.channels`, found in float64. Gradients reach the BRDF's parameters.
 
     Raises:
-        InputError: an order out of range.
+        InputError: an order out of range, or a BRDF of your own of which no table can be made.
     """
+    check_brdf(brdf)
     order_out, order_in = check_order(order_out), check_order(order_in)
     cosine = hemisphere_moments(order_in, cosine=True)
     exit_side = hemisphere_moments(order_out, cosine=exit_cosine)
@@ -86,7 +88,7 @@ def _lobe_blocks(brdf: Brdf, order_out: int, order_in: int, exit_cosine: bool, n
             [-theta.sin() * phi.cos(), -theta.sin() * phi.sin(), theta.cos() + 0 * phi],
             dim=-1,
         )
-        lobe = brdf.lobe(incoming, outgoing[:, None, None].expand_as(incoming))
+        lobe = brdf.lobe(incoming, outgoing[:, None, None].expand_as(incoming)).to(incoming.dtype)
         harmonic = torch.einsum("oipc,opm->oimc", lobe, harmonics[rows])
         reflected = torch.einsum("oimc,oiml->omlc", harmonic, incoming_rows[rows])
         total = total + torch.einsum("omlc,omk->cmkl", reflected, exit_rows[rows])

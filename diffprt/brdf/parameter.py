@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import fields, is_dataclass
 
 import torch
 
 from diffprt.errors import InputError
+
+# Tensors of more numbers, such as tables of measured BRDFs, are recorded by their shape and hash.
+_MOST_NUMBERS = 64
 
 Parameter = float | tuple[float, float, float] | torch.Tensor
 
@@ -48,12 +52,17 @@ def described(owner: object) -> dict:
         if is_dataclass(value):
             plain |= described(value)
         elif isinstance(value, torch.Tensor):
-            plain[f.name] = value.detach().tolist()
+            plain[f.name] = value.detach().tolist() if value.numel() <= _MOST_NUMBERS else _hashed(value)
         elif isinstance(value, str | int | float):
             plain[f.name] = value
         else:
             raise InputError(_unrecorded(owner, f.name))
     return plain
+
+
+def _hashed(values: torch.Tensor) -> str:
+    digest = hashlib.sha256(values.detach().cpu().contiguous().numpy().tobytes()).hexdigest()
+    return f"{str(values.dtype).removeprefix('torch.')} {list(values.shape)} sha256 {digest}"
 
 
 def _unrecorded(owner: object, name: str) -> str:

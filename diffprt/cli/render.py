@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import time
+from functools import partial
 from pathlib import Path
 
 import typer
 
 from diffprt.cli.from_options import field_option
+from diffprt.cli.light_sequence import light_names, picture_files, write_sequence
 from diffprt.cli.outputs import JsonFile, check_ending, check_output, write_report
 from diffprt.cli.parsing import parse_color, parse_number, parse_point, parse_size
 from diffprt.cli.paths import InputFile, InputName, OutputFile, OutputFolder
@@ -20,10 +22,14 @@ from diffprt.progress import track
 def run(
     source: InputFile = typer.Argument(..., metavar="ASSET", help="A .prt file."),
     light: InputName = typer.Option(
-        LIGHTS[0], help="sky, studio, constant, or an equirectangular map (.hdr, .exr, .png)."
+        None, help=f"sky, studio, constant, or an equirectangular map (.hdr, .exr, .png).  [default: {LIGHTS[0]}]"
     ),
     output: OutputFolder = typer.Option(
-        Path("render.png"), "-o", "--output", help="A .png (display) or .exr (radiance)."
+        None,
+        "-o",
+        "--output",
+        help="A .png (display) or .exr (radiance); with --lights a folder, or a name such as day/{light}.exr, where "
+        "{light} is the map's name and {index} counts from 0.  [default: render.png; with --lights the folder render]",
     ),
     size: str = typer.Option("512", help="Pixels: 512 or 640x480."),
     azimuth: float = field_option(ViewOptions, "azimuth"),
@@ -43,16 +49,23 @@ def run(
         None, help="Write this many pictures, each of a random view and light, with references.json, to the folder -o."
     ),
     lights: InputName = typer.Option(
-        "sky,studio", help="With --reference-set: lights and maps, separated by commas, taken in turn."
+        None,
+        help="Lights and maps, separated by commas, or a folder of maps: a picture under each, all of one exposure. "
+        f"With --reference-set they are taken in turn.  [default there: {','.join(LIGHTS)}]",
     ),
     turn: bool = typer.Option(True, help="With --reference-set: turn every picture's light at random."),
     seed: int = typer.Option(0, help="With --reference-set: of views and turns."),
     json_file: OutputFile = JsonFile,
 ) -> None:
+    if light is not None and lights is not None:
+        raise InputError("--light and --lights were given together: give one light, or all of them as --lights")
     if reference_set is not None:
-        names = lights.split(",")
+        names, output = light_names(lights or ",".join(LIGHTS)), output or Path("render.png")
         return _reference_set(source, names, output, reference_set, size, window, samples, turn, seed, json_file)
-    check_ending(output, ".png", ".exr")
+    names = None if lights is None else light_names(lights)
+    files = None if names is None else picture_files(output, names)
+    light, output = light or LIGHTS[0], output or Path("render.png")
+    check_ending(output if files is None else files[0], ".png", ".exr")
     behind = background if background == "light" else parse_color(background, "background")
     width, height = parse_size(size)
     factor = None if exposure == "auto" else parse_number(exposure, "exposure")
@@ -78,7 +91,11 @@ def run(
         distance=distance,
     )
     picture = PictureWindow.of(asset, camera) if window == ViewOptions.window and asset.order else None
-    radiance = load_light(light, asset.order, window=window, azimuth=light_azimuth, picture=picture)
+    load = partial(load_light, order=asset.order, window=window, azimuth=light_azimuth, picture=picture)
+    if names is not None and files is not None:
+        look: dict = {"exposure": factor, "curve": curve, "background": behind, "samples": samples}
+        return write_sequence(names, files, asset, camera, load, **look, window=window, json_file=json_file)
+    radiance = load(light)
     check_output(output)
     loaded = time.perf_counter()
     image = render(asset, radiance, camera, background=behind, samples=samples)

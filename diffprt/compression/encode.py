@@ -10,6 +10,7 @@ import torch
 from diffprt.compression.clustered.quantize import rounded, stored_bytes
 from diffprt.compression.clustering import cluster
 from diffprt.compression.clusters.components import blend, cluster_pca, least_squares, orthonormal
+from diffprt.compression.clusters.partition import whole_labels
 from diffprt.errors import InputError
 from diffprt.options.compress import ClusterOptions
 from diffprt.options.keywords import takes
@@ -23,7 +24,7 @@ class Encoded:
     """Row v is means[m] + weights[v] · bases[m], m = labels[v].
 
     Attributes:
-        labels: int64 [V], in [0, M), clusters in the order in which rows first meet them.
+        labels: int64 [V], in [0, M), given in any integer type; clusters in the order in which rows first meet them.
         means: float [M, D].
         bases: float [M, P, D], orthonormal rows, or zero.
         weights: float [V, P].
@@ -42,6 +43,9 @@ class Encoded:
     bases_format: str = "float32"
     counts: dict = field(default_factory=dict)
     timings: dict[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "labels", whole_labels(self.labels, len(self.means)))
 
     @property
     def nbytes(self) -> int:

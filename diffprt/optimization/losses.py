@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import Any
 
 import kornia
 import torch
 
 from diffprt.errors import InputError
+from diffprt.optimization.own_loss import OwnLoss, own_name
 from diffprt.options.optimize import LABEL_LOSSES, LOSSES
 from diffprt.shading import tone_map
 
@@ -48,7 +50,11 @@ def total_variation(image: torch.Tensor, reference: torch.Tensor, mask: torch.Te
     return kornia.losses.total_variation(difference, reduction="mean").sum()
 
 
-IMAGE_LOSSES: dict[str, Callable[..., torch.Tensor]] = {
+ImageLoss = Callable[..., torch.Tensor]
+# Keys are names and functions: a mapping's keys are invariant, so that no type of both would admit either.
+LossLike = str | ImageLoss | Mapping[Any, float]
+
+IMAGE_LOSSES: dict[str, ImageLoss] = {
     "image": relative_squared,
     "log": log_squared,
     "display": display_squared,
@@ -58,8 +64,37 @@ IMAGE_LOSSES: dict[str, Callable[..., torch.Tensor]] = {
 }
 
 
-def parse_loss(loss: str | dict[str, float]) -> dict[str, float]:
+def named_losses(loss: LossLike) -> tuple[str | dict[str, float], dict[str, OwnLoss]]:
+    """What `parse_loss` takes, with names in place of callables, and the callables by these names.
+
+    Raises:
+        InputError: neither text, a callable, nor weights of these; or a callable that takes no two pictures.
+    """
+    if isinstance(loss, str):
+        return loss, {}
+    terms: Mapping[Any, float] = loss if isinstance(loss, Mapping) else {loss: 1.0}
+    weights: dict[str, float] = {}
+    own: dict[str, OwnLoss] = {}
+    for term, weight in terms.items():
+        if isinstance(term, str):
+            weights[term] = weight
+            continue
+        if not callable(term) or isinstance(term, type):
+            raise InputError(
+                f"loss is {term!r}: give names, such as 'image + 0.1*ssim', a function loss(image, reference), or "
+                "weights of these"
+            )
+        name = own_name(term)
+        name = next(n for n in (name, *(f"{name} {i}" for i in range(2, len(terms) + 2))) if n not in own)
+        weights[name], own[name] = weight, OwnLoss(name, term)
+    return weights, own
+
+
+def parse_loss(loss: str | Mapping[str, float], own: Mapping[str, OwnLoss] | None = None) -> dict[str, float]:
     """Weights of losses by name, from such a dictionary or from "image + 0.1*ssim".
+
+    Args:
+        own: losses of the user's own, whose names are known too.
 
     Raises:
         InputError: a name is unknown, or a weight is not above 0.
@@ -73,9 +108,9 @@ def parse_loss(loss: str | dict[str, float]) -> dict[str, float]:
             except ValueError:
                 raise InputError(f"loss weight '{weight}' is no number: write such as image + 0.1*ssim") from None
     for name, weight in loss.items():
-        if name not in LOSSES:
-            raise InputError(f"loss '{name}' is unknown: use one of {', '.join(LOSSES)}")
-        if not 0 < weight <= _LARGEST_WEIGHT:
+        if name not in LOSSES and name not in (own or {}):
+            raise InputError(f"loss '{name}' is unknown: use one of {', '.join(LOSSES)}, or give a function")
+        if not isinstance(weight, int | float) or not 0 < weight <= _LARGEST_WEIGHT:
             raise InputError(f"loss '{name}' has weight {weight}: give a number above 0, at most {_LARGEST_WEIGHT:g}")
     if not set(loss) - {*LABEL_LOSSES}:
         raise InputError("loss has nothing that compares with references: add image or transfer")

@@ -15,7 +15,7 @@ from diffprt.errors import InputError
 from diffprt.lock import lock_file, locked
 from diffprt.optimization.formats import encoded, fit_to_bytes
 from diffprt.optimization.image_norm import ImageNorm
-from diffprt.optimization.losses import parse_loss
+from diffprt.optimization.losses import LossLike, named_losses, parse_loss
 from diffprt.optimization.parameters import Parameters, check_names
 from diffprt.optimization.references.checks import check_references
 from diffprt.optimization.references.pictures import Pictures
@@ -46,7 +46,7 @@ def optimize(
     *,
     target: TransferAtReceivers | None = None,
     parameters: Sequence[str] | None = None,
-    loss: str | dict[str, float] | None = None,
+    loss: LossLike | None = None,
     steps: int | None = None,
     seconds: float | None = None,
     tolerance: float | None = None,
@@ -73,7 +73,9 @@ def optimize(
             "exposure" (one factor for all pictures) and "light" (the references' lights; see the report).
         loss: "image" without a target and "transfer" with one; or weights by name, such as {"image": 1, "ssim": 0.1},
             or "image + 0.1*ssim". Of image, log, display, psnr, ssim, total-variation, transfer, overdraw and coherence
-            (these two of labels, where labels are trained).
+            (these two of labels, where labels are trained). A function of your own stands in place of a name:
+            `loss(image, reference)`, two pictures [H, W, 3] in linear radiance, black outside the object, gives one
+            number; `mask` (bool [H, W]) and `exposure` (a number) are passed where it has arguments of these names.
         steps: at most this many; 300 without `seconds`.
         seconds: stop after about this long.
         tolerance: stop when the relative RMSE of held-out pictures is at most this.
@@ -102,7 +104,8 @@ def optimize(
         raise InputError(f"learning_rate is {learning_rate}: give a number above 0 and at most 1, such as 0.05")
     check_numbers({"batch": batch, "held_out": held_out, "seed": seed})
     schedule = Schedule.of(steps, seconds, tolerance)
-    terms = parse_loss(("image" if target is None else TRANSFER) if loss is None else loss)
+    given, own = named_losses(("image" if target is None else TRANSFER) if loss is None else loss)
+    terms = parse_loss(given, own)
     if TRANSFER in terms and target is None:
         raise InputError("loss 'transfer' needs the uncompressed transfer: give target, or leave it out of the loss")
     names = tuple(asset.trainable if parameters is None else parameters)
@@ -138,7 +141,8 @@ def optimize(
         total = torch.zeros(())
         if set(terms) - {TRANSFER, *LABEL_LOSSES}:
             light = trained.leaves.get("light")
-            total = total + pictures.loss(now, step, batch, terms, exposure=trained.exposure, lights=light)
+            exposure = trained.exposure
+            total = total + pictures.loss(now, step, batch, terms, own, exposure=exposure, lights=light)
         if TRANSFER in terms:
             total = total + terms[TRANSFER] * _needed(transfer_loss, TRANSFER)(now)
         return total
@@ -165,7 +169,8 @@ def optimize(
     if checkpoint is not None:
         tensors = [leaf.detach() for leaf in trained.leaves.values()]
         tensors += [tensor for entry in references for tensor in (entry.image, entry.light)]
-        run_key = fingerprint(tensors + ([] if transfer_loss is None else [transfer_loss.target]), settings)
+        marks = {"own losses": pictures.marks(own)} if own else {}
+        run_key = fingerprint(tensors + ([] if transfer_loss is None else [transfer_loss.target]), settings | marks)
     with _held(checkpoint), _progress(track, schedule) as advance:
         run = train(
             trained.leaves,

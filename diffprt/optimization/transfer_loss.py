@@ -50,7 +50,7 @@ class TransferLoss:
         if not self.energy > 0:
             raise InputError("the target is black wherever it is seen: bake it again")
 
-    def check(self, asset) -> None:
+    def check(self, asset: Representation) -> None:
         """Raises InputError unless `asset` has the target's receivers and coefficients."""
         shape = (len(asset.elements), *asset.signal_shape)
         if shape != tuple(self.shape):
@@ -59,13 +59,13 @@ class TransferLoss:
                 "transfer that the asset was compressed from"
             )
 
-    def scaled(self, asset) -> torch.Tensor:
+    def scaled(self, asset: Representation) -> torch.Tensor:
         """The asset's rows [V, D] in the target's scale."""
         return self._compared(scaled_rows(asset, self.metric))
 
     def _compared(self, scaled: torch.Tensor) -> torch.Tensor:
         return (self.reflectance * scaled).flatten(1)
 
-    def __call__(self, asset) -> torch.Tensor:
+    def __call__(self, asset: Representation) -> torch.Tensor:
         """A scalar, the square of the relative RMSE to expect; gradients reach the asset's signal."""
         return self.norm.squared(self.scaled(asset) - self.target) / self.energy

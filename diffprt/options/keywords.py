@@ -9,7 +9,10 @@ from dataclasses import fields, is_dataclass
 from typing import Concatenate, Generic, ParamSpec, Protocol, TypeVar, overload
 
 P = ParamSpec("P")
-Subject, Place, Result = TypeVar("Subject"), TypeVar("Place"), TypeVar("Result")
+# One a line: type checkers know no others in an installed package.
+Subject = TypeVar("Subject")
+Place = TypeVar("Place")
+Result = TypeVar("Result")
 Options = TypeVar("Options", contravariant=True)
 
 

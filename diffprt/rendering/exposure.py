@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import torch
@@ -19,16 +20,20 @@ _BRIGHTEST = 0.99
 _ROWS = 64
 
 
-def view_exposure(asset: Representation, light: Light, camera: Camera, *, curve: str) -> float:
-    """The factor on radiance with which `render` and a page show an asset first.
+def view_exposure(asset: Representation, light: Light | Sequence[Light], camera: Camera, *, curve: str) -> float:
+    """The factor on radiance with which `render` and a page show an asset first; one for all of several lights.
 
     It brings the mean luminance of what `camera` sees of the asset to 0.2 (`auto_exposure`), or less where the
     brightest direction of the light, as it is seen, would come out white under the tone curve.
     """
     shrink = _SIDE / max(camera.width, camera.height)
     small = replace(camera, width=max(1, round(camera.width * shrink)), height=max(1, round(camera.height * shrink)))
-    factor = auto_exposure(render(asset, light, small), asset.elements.view(small).mask)
-    peak = float(sh.render_map(light.seen().coefficients.detach().double(), _ROWS, 2 * _ROWS).max())
+    lights = [light] if isinstance(light, Light) else list(light)
+    mask = asset.elements.view(small).mask
+    # As one tall picture: an exposure for each would make day of night, and flicker.
+    factor = auto_exposure(render(asset, lights, small).flatten(0, 1), mask.repeat(len(lights), 1))
+    seen = [sh.render_map(one.seen().coefficients.detach().double(), _ROWS, 2 * _ROWS) for one in lights]
+    peak = max(float(sky.max()) for sky in seen)
     return min(factor, white(curve) / peak) if peak > 0 else factor
 
 

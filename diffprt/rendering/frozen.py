@@ -19,7 +19,7 @@ import torch
 from diffprt.errors import InputError
 from diffprt.representation.elements import Elements
 from diffprt.representation.interface import Representation
-from diffprt.representation.lighting import LightingLike
+from diffprt.representation.lighting import LightsLike, each_of
 from diffprt.representation.lit import Basis, ConstantBasis, Lit
 from diffprt.representation.view import View
 from diffprt.scene.camera import Camera
@@ -66,7 +66,8 @@ class FrozenView:
         return replace(self, **moved)
 
     def radiance(self, lit: Lit) -> torch.Tensor:
-        """Radiance [N, 3] of the pixels, from the lit elements in sight; gradients reach its coefficients."""
+        """Radiance of the pixels, [N, 3] or [N, 3 B] under B lights, from the lit elements in sight; gradients reach
+        its coefficients."""
         rows = self._checked(lit.coefficients).transpose(1, 2)
         return self.operator(lit.basis).gather(rows.reshape(-1, rows.shape[2]))
 
@@ -119,33 +120,37 @@ class FrozenView:
 
 
 def pixel_radiance(
-    asset: Representation, light: LightingLike, frozen: FrozenView, *, albedo: torch.Tensor | None = None
+    asset: Representation, light: LightsLike, frozen: FrozenView, *, albedo: torch.Tensor | None = None
 ) -> torch.Tensor:
-    """Linear radiance of the masked pixels of `frozen`, [N, 3]; see `picture`."""
+    """Linear radiance of the masked pixels of `frozen`, [N, 3], or [B, N, 3] of a batch of lights; see `picture`."""
     if len(asset.elements) != len(frozen.elements):
         raise InputError(
             f"asset has {len(asset.elements)} elements, the view was frozen with {len(frozen.elements)}: "
             "freeze it again with FrozenView.of(asset.elements, camera)"
         )
     part = asset.picked(frozen.seen)
-    return frozen.radiance(part.lit(light, albedo=None if albedo is None else albedo[frozen.seen]))
+    albedo, (each, batch) = None if albedo is None else albedo[frozen.seen], each_of(light)
+    if not batch:
+        return frozen.radiance(part.lit(each[0], albedo=albedo))
+    return frozen.radiance(part.lit_each(each, albedo=albedo)).unflatten(1, (-1, 3)).transpose(0, 1)
 
 
 def picture(
-    asset: Representation, light: LightingLike, frozen: FrozenView, *, albedo: torch.Tensor | None = None
+    asset: Representation, light: LightsLike, frozen: FrozenView, *, albedo: torch.Tensor | None = None
 ) -> torch.Tensor:
     """A picture of the asset from a frozen view, as `render` draws it over black.
 
     Args:
         asset: any representation, at the elements of `frozen`.
-        light: as for `render`.
+        light: as for `render`, one or a batch.
         albedo: [E, 3], of assets that leave it out of their signal; without it, the elements' own.
 
     Returns:
-        [H, W, 3] linear radiance [W/m²/sr]. Gradients reach the asset's signal, light and albedo; elements out of
-        sight get 0.
+        [H, W, 3] linear radiance [W/m²/sr], [B, H, W, 3] of a batch. Gradients reach the asset's signal, light and
+        albedo; elements out of sight get 0.
 
     Raises:
         InputError: another number of elements, a light of another order or kind, a glossy asset with albedo.
     """
-    return frozen.framed(pixel_radiance(asset, light, frozen, albedo=albedo))
+    pixels = pixel_radiance(asset, light, frozen, albedo=albedo)
+    return frozen.framed(pixels) if pixels.dim() == 2 else torch.stack([frozen.framed(one) for one in pixels])

@@ -9,7 +9,7 @@ import torch
 from diffprt.errors import InputError
 from diffprt.rendering.memory import check_picture
 from diffprt.representation.interface import Representation
-from diffprt.representation.lighting import Lighting, LightingLike
+from diffprt.representation.lighting import Lighting, LightingLike, LightsLike, each_of
 from diffprt.representation.lit import Lit
 from diffprt.representation.view import View
 from diffprt.scene.camera import Camera
@@ -18,11 +18,13 @@ from diffprt.scene.light import Light
 _MID_GREY = 0.2
 # Samples whose coefficients are held at a time.
 _SAMPLES_AT_ONCE = 1 << 14
+# Lights whose pictures are held before pixels are means of their samples.
+_LIGHTS_AT_ONCE = 8
 
 
 def render(
     asset: Representation,
-    light: LightingLike,
+    light: LightsLike,
     camera: Camera | None = None,
     *,
     background: tuple[float, float, float] | str | None = None,
@@ -35,15 +37,16 @@ def render(
         asset: what to draw. Coefficients of its elements are weighted as each sample sees them (interpolated linearly
             over triangles, say), and read in its basis: diffuse radiance as it is, glossy radiance with the pixel's own
             normal and view, by mirrored direction.
-        light: distant light of the asset's order, or what its kind answers to.
+        light: distant light of the asset's order, or what its kind answers to. A batch of B lights is coefficients
+            [B, K, 3] or a list, of `Light` say: what the camera sees is found once for all of them.
         camera: without it, one that frames the asset, not the ground under it.
         background: linear RGB behind the asset, "light" for the distant light as it is seen (`Light.seen`),
             None for black.
         samples: pixels are the mean of samples x samples.
 
     Returns:
-        [H, W, 3] linear radiance [W/m²/sr]. Gradients reach the asset's signal, the light and the albedo, not
-        the silhouettes: visibility is frozen.
+        [H, W, 3] linear radiance [W/m²/sr], [B, H, W, 3] of a batch. Gradients reach the asset's signal, the light and
+        the albedo, not the silhouettes: visibility is frozen.
 
     Raises:
         InputError: light of another order or kind, or an asset that cannot be drawn, such as one without triangles.
@@ -53,24 +56,41 @@ def render(
         raise InputError(f"samples is {samples}: give 1 to 16 a side")
     check_picture(camera, samples)
     fine = replace(camera, width=camera.width * samples, height=camera.height * samples)
+    each, batch = each_of(light)
+    rays = pixel_rays(fine) if background == "light" else None
+    behind = [_background(background, one, rays) for one in each]
     view = asset.elements.view(fine, threads=threads)
-    image = view.framed(radiance_in_view(asset.lit(light), view, fine))
-    if background is not None:
-        behind = (
-            _distant(light).seen().radiance(pixel_rays(fine)) if background == "light" else torch.tensor(background)
-        )
-        image = torch.where(view.mask[..., None], image, behind.to(image))
-    if samples > 1:
-        image = image.reshape(camera.height, samples, camera.width, samples, 3).mean(dim=(1, 3))
-    return image
+    lit = asset.lit_each(each) if batch else asset.lit(each[0])
+    pictures = []
+    for first in range(0, len(each), _LIGHTS_AT_ONCE):
+        last = min(first + _LIGHTS_AT_ONCE, len(each))
+        some = Lit(lit.coefficients[:, 3 * first : 3 * last], lit.basis)
+        image = view.framed(radiance_in_view(some, view, fine))
+        if background is not None:
+            image = torch.where(view.mask[..., None], image, torch.cat(behind[first:last], dim=-1).to(image))
+        if samples > 1:
+            image = image.reshape(camera.height, samples, camera.width, samples, -1).mean(dim=(1, 3))
+        pictures += image.split(3, dim=-1)
+    return torch.stack(pictures) if batch else pictures[0]
 
 
 def radiance_in_view(lit: Lit, view: View, camera: Camera) -> torch.Tensor:
-    """Radiance [N, 3] of the samples of `view` towards the camera; gradients reach the coefficients."""
+    """Radiance of the samples of `view` towards the camera, [N, 3] or [N, 3 B] under B lights; gradients reach the
+    coefficients."""
     eye = torch.tensor(camera.eye, dtype=torch.float64)
     rows = range(0, len(view.index), _SAMPLES_AT_ONCE)
     parts = [lit.towards(view.samples(slice(first, first + _SAMPLES_AT_ONCE)), eye) for first in rows]
-    return torch.cat([lit.coefficients.new_zeros(0, 3), *parts])
+    return torch.cat([lit.coefficients.new_zeros(0, lit.coefficients.shape[1]), *parts])
+
+
+def _background(
+    background: tuple[float, float, float] | str | None, light: LightingLike, rays: torch.Tensor | None
+) -> torch.Tensor:
+    """What stands behind the asset: a color [3], or the distant light along `rays`, [H, W, 3]."""
+    if rays is not None:
+        return _distant(light).seen().radiance(rays)
+    color = torch.as_tensor(0.0 if background is None else background)
+    return color.expand(*color.shape[:-1], 3)
 
 
 def _distant(light: LightingLike) -> Light:

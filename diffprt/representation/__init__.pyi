@@ -6,6 +6,7 @@ from .header import read_header as read_header
 from .interface import Representation as Representation
 from .lighting import Lighting as Lighting
 from .lighting import LightingLike as LightingLike
+from .lighting import LightsLike as LightsLike
 from .lighting import PointLight as PointLight
 from .lit import Basis as Basis
 from .lit import ConstantBasis as ConstantBasis

@@ -31,12 +31,15 @@ def save(asset: Representation, path: str | Path) -> int:
         its size in bytes.
 
     Raises:
-        InputError: the folder cannot be written, `asset` is of no type that is saved, or `load` would refuse it:
-            numbers that are not finite or out of range, another dtype, or settings that are not plain or too long.
+        InputError: the folder cannot be written, `asset` is of no type that is saved, it was made with what no file
+            records (such as a BRDF of your own that holds a function), or `load` would refuse it: numbers that are not
+            finite or out of range, another dtype, or settings that are not plain or too long.
     """
     path = Path(path)
     if not isinstance(asset, Representation):
         raise InputError(f"a {type(asset).__name__} cannot be saved: give a representation, such as bake returns")
+    if asset.provenance.unsaved:
+        raise InputError(f"asset {path} cannot be saved: {asset.provenance.unsaved}")
     elements = {name: getattr(asset.elements, name) for name in asset.elements_type.spec}
     narrow = {name: _narrowed(value, asset.elements_type.spec[name].dtypes) for name, value in elements.items()}
     header = {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, ClassVar, NoReturn, Self
 
@@ -75,6 +76,17 @@ class Representation(ABC):
         own = torch.arange(len(self.elements), device=lit.coefficients.device)[:, None]
         places = (values.to(lit.coefficients) for values in (self.elements.positions, self.elements.normals))
         return lit.towards(Samples(own, lit.coefficients.new_ones(len(own), 1), *places), eye)
+
+    def lit_each(self, lightings: Sequence[LightingLike], *, albedo: torch.Tensor | None = None) -> Lit:
+        """The asset under each of B lights: coefficients [E, 3 B, ...], the colors of each light in turn."""
+        each = [self.lit(lighting, albedo=albedo) for lighting in lightings]
+        return Lit(torch.cat([lit.coefficients for lit in each], dim=1), each[0].basis)
+
+    def radiance_each(
+        self, lightings: Sequence[LightingLike], eye: torch.Tensor | None, *, albedo: torch.Tensor | None = None
+    ) -> torch.Tensor:
+        """What each element sends towards `eye` under each of B lights, [B, E, 3]; see `radiance`."""
+        return torch.stack([self.radiance(lighting, eye, albedo=albedo) for lighting in lightings])
 
     @property
     def order(self) -> int | None:

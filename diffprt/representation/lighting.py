@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import functools
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import torch
@@ -63,7 +64,11 @@ class Lighting:
         """
         light = self.needs("distant", of=of).distant
         coefficients = light.coefficients if isinstance(light, Light) else light
-        assert coefficients is not None
+        if not isinstance(coefficients, torch.Tensor):
+            raise InputError(
+                f"light is a {type(light).__name__}: give a Light, such as environment.project({order}), or its "
+                "coefficients"
+            )
         if coefficients.dim() != 2 or coefficients.shape[1] != 3:
             raise InputError(
                 f"light has shape {list(coefficients.shape)}: give SH coefficients of RGB, [{order**2}, 3]"
@@ -77,6 +82,35 @@ class Lighting:
 
 
 LightingLike = Light | torch.Tensor | Mapping[str, "float | torch.Tensor"] | Lighting
+LightsLike = LightingLike | Sequence[LightingLike]
+
+
+def each_of(lights: LightsLike) -> tuple[Sequence[LightingLike], bool]:
+    """The lights of a list, or of coefficients [B, K, 3], and that they are a batch; or the one light that is given.
+
+    Raises:
+        InputError: the batch is empty.
+    """
+    if isinstance(lights, torch.Tensor):
+        each, batch = (lights.unbind(), True) if lights.dim() == 3 else ([lights], False)
+    else:
+        each, batch = (lights, True) if isinstance(lights, list | tuple) else ([lights], False)
+    if not each:
+        raise InputError("the batch of lights is empty: give one light or more")
+    return each, batch  # pyright: ignore[reportReturnType]  a light is no sequence
+
+
+def stacked_coefficients(lights: Sequence[LightingLike], order: int, of: str) -> torch.Tensor:
+    """The coefficients [B, K, 3] of distant lights; raises InputError as `Lighting.coefficients`, with the number of
+    the light."""
+    found = []
+    for number, light in enumerate(lights, 1):
+        try:
+            found.append(Lighting.of(light).coefficients(order, of))
+        except InputError as error:
+            raise InputError(f"light {number} of {len(lights)}: {error}") from None
+    dtype = functools.reduce(torch.promote_types, (coefficients.dtype for coefficients in found))
+    return torch.stack([coefficients.to(dtype) for coefficients in found])
 
 
 def _present(part: object) -> bool:

@@ -38,7 +38,8 @@ class Lit:
     """Radiance as the sum of weight x coefficient x basis over what a sample sees.
 
     Attributes:
-        coefficients: float [E, 3, B], linear radiance [W/m²/sr]. May carry gradients.
+        coefficients: float [E, 3, B], linear radiance [W/m²/sr]; under several lights the colors of each in turn, and
+            so in what is made of them. May carry gradients.
         basis: B functions.
     """
 

@@ -14,12 +14,14 @@ class Provenance:
         plan: which effects were simulated, and why.
         certificate: measured error of the signal.
         scene_hash: SHA-256 of the scene it was baked from, "" where it is not known.
+        unsaved: why no file can say how the asset was made, "" where one can; `save` then refuses with it.
     """
 
     settings: dict = field(default_factory=dict)
     plan: dict = field(default_factory=dict)
     certificate: dict = field(default_factory=dict)
     scene_hash: str = ""
+    unsaved: str = ""
 
     def uncertified(self) -> Provenance:
         """Of an asset with another signal: the certificate no longer holds."""

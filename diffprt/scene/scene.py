@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -159,7 +159,11 @@ class Scene:
         Raises:
             InputError: another number of BRDFs than materials.
         """
-        brdfs = [brdf] if isinstance(brdf, Brdf) else list(brdf)
+        brdfs = list(brdf) if isinstance(brdf, Iterable) and not isinstance(brdf, str) else [brdf]
+        if wrong := [b for b in brdfs if not isinstance(b, Brdf)]:
+            raise InputError(
+                f"brdf is {wrong[0]!r}: give a diffprt.brdf.Brdf, such as GGX(0.3), or an object of your own subclass"
+            )
         if len(brdfs) not in {1, len(self.materials)}:
             raise InputError(
                 f"{len(brdfs)} BRDFs for {len(self.materials)} materials of scene '{self.name}': "

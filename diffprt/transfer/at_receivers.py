@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import ClassVar, Self
 
@@ -14,7 +15,7 @@ from diffprt.brdf import hemisphere_gram
 from diffprt.errors import InputError
 from diffprt.representation.elements import Elements
 from diffprt.representation.interface import Representation
-from diffprt.representation.lighting import Lighting, LightingLike
+from diffprt.representation.lighting import Lighting, LightingLike, stacked_coefficients
 from diffprt.representation.lit import ConstantBasis, Lit
 from diffprt.representation.metric import Metric
 from diffprt.representation.provenance import Provenance
@@ -62,7 +63,8 @@ class TransferAtReceivers(Representation):
 
     @abstractmethod
     def exit_radiance(self, lighting: LightingLike) -> torch.Tensor:
-        """What leaves each receiver under a light, [V, 3, K_out]; gradients reach signal and light."""
+        """What leaves each receiver under a light, [V, 3, K_out]; gradients reach signal and light. Of coefficients
+        [B, K, 3], a batch, it is [V, 3 B, K_out], the colors of each light in turn, and so it goes on in `lit`."""
 
     @property
     def beside_signal(self) -> dict[str, torch.Tensor]:
@@ -76,8 +78,21 @@ class TransferAtReceivers(Representation):
         return torch.ones(())
 
     def coefficients_of(self, lighting: LightingLike) -> torch.Tensor:
-        """The distant light [K, 3]; raises InputError where there is other light, or of another order."""
+        """The distant light [K, 3], or [B, K, 3] as it is; raises InputError where there is other light, or of another
+        order."""
+        if isinstance(lighting, torch.Tensor) and lighting.dim() == 3:
+            return stacked_coefficients(lighting.unbind(), self.order, type(self).__name__)
         return Lighting.of(lighting).coefficients(self.order, type(self).__name__)
+
+    def lit_each(self, lightings: Sequence[LightingLike], *, albedo: torch.Tensor | None = None) -> Lit:
+        """All lights in one product with the signal."""
+        return self.lit(stacked_coefficients(lightings, self.order, type(self).__name__), albedo=albedo)
+
+    def radiance_each(
+        self, lightings: Sequence[LightingLike], eye: torch.Tensor | None, *, albedo: torch.Tensor | None = None
+    ) -> torch.Tensor:
+        batch = stacked_coefficients(lightings, self.order, type(self).__name__)
+        return self.radiance(batch, eye, albedo=albedo).unflatten(1, (-1, 3)).transpose(0, 1)
 
 
 class DiffuseTransfer(TransferAtReceivers):
@@ -92,7 +107,8 @@ class DiffuseTransfer(TransferAtReceivers):
         bases and weights), light and albedo."""
         irradiance = self.exit_radiance(lighting)[..., 0]
         albedo = self.receivers.albedo if albedo is None else albedo
-        return Lit((albedo.to(irradiance.dtype) / math.pi * irradiance)[..., None], ConstantBasis())
+        reflected = albedo.to(irradiance.dtype).unsqueeze(-2) / math.pi * irradiance.unflatten(1, (-1, 3))
+        return Lit(reflected.flatten(1)[..., None], ConstantBasis())
 
     def check_albedo(self) -> None:
         pass

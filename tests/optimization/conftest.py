@@ -1,5 +1,8 @@
 """A baked, a compressed asset and references of them, small enough to train in a second."""
 
+import os
+import signal
+
 import pytest
 
 from diffprt.compression import compress
@@ -20,3 +23,30 @@ def references(bumpy_transfer, lights):
 @pytest.fixture(scope="session")
 def small(bumpy_transfer):
     return compress(bumpy_transfer, clusters=6, components=3, method="lbg")
+
+
+class Stop:
+    """Progress that presses Ctrl-C after some steps."""
+
+    def __init__(self, after):
+        self.left = after
+
+    def __call__(self, text, total):
+        return self
+
+    def __enter__(self):
+        return self.advance
+
+    def __exit__(self, *error):
+        return False
+
+    def advance(self):
+        self.left -= 1
+        if self.left == 0:
+            os.kill(os.getpid(), signal.SIGINT)
+
+
+@pytest.fixture
+def pressed():
+    """Ctrl-C after so many steps, given as `track`."""
+    return Stop

@@ -1,8 +1,6 @@
 """Training: it lowers the error of pictures never seen, stops as it should, and resumes as if nothing had happened."""
 
 import dataclasses
-import os
-import signal
 
 import pytest
 import torch
@@ -131,35 +129,16 @@ def test_divergence_keeps_the_best_state(references, small, monkeypatch):
     assert report["errors"]["after"] <= report["errors"]["before"] and torch.isfinite(found.means).all()
 
 
-class Stop:
-    """Progress that presses Ctrl-C after some steps."""
-
-    def __init__(self, after):
-        self.left = after
-
-    def __call__(self, text, total):
-        return self
-
-    def __enter__(self):
-        return self.advance
-
-    def __exit__(self, *error):
-        return False
-
-    def advance(self):
-        self.left -= 1
-        if self.left == 0:
-            os.kill(os.getpid(), signal.SIGINT)
-
-
 @pytest.mark.parametrize("after", [1, 9])
-def test_interrupted_at_any_step_it_resumes_to_the_same_bits(bumpy_transfer, references, small, tmp_path, after):
+def test_interrupted_at_any_step_it_resumes_to_the_same_bits(
+    bumpy_transfer, references, small, tmp_path, pressed, after
+):
     options = {"target": bumpy_transfer, "loss": "transfer + 0.1*image", "steps": 16, "seed": 2}
     whole_report: dict = {}
     whole = optimize(small, references, **options, report=whole_report)
     path = tmp_path / "run"
     with pytest.raises(Interrupted, match=f"after {after} steps") as stopped:
-        optimize(small, references, **options, checkpoint=path, track=Stop(after))
+        optimize(small, references, **options, checkpoint=path, track=pressed(after))
     assert "\n" not in str(stopped.value) and path.exists()
     with pytest.raises(InputError, match="exists"):
         optimize(small, references, **options, checkpoint=path)

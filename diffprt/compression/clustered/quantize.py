@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import torch
 
+from diffprt.compression.clusters.partition import whole_labels
 from diffprt.errors import InputError
 from diffprt.options.compress import FORMATS
 from diffprt.options.ranges import check_choice
@@ -47,7 +48,7 @@ def quantize(values: torch.Tensor, format: str, *, ranges: torch.Tensor | None =
         values: float [N, P, ...]; the weights [V, P] of receivers, or the bases [M, P, D] of clusters.
         format: "float32"; "float16"; or "uint8", 256 levels from the least to the largest value of a range. A range
             holds one column p of all rows of one range number; whatever dimensions follow share it.
-        ranges: int64 [N], range number of each row, such as its cluster; each row its own without.
+        ranges: [N], whole numbers of any type, range number of each row, such as its cluster; each row its own without.
 
     Raises:
         InputError: the format is unknown, or a value does not fit into float16.
@@ -62,6 +63,7 @@ def quantize(values: torch.Tensor, format: str, *, ranges: torch.Tensor | None =
         if largest > _LARGEST_HALF:
             raise InputError(f"a value of {largest:g} is beyond float16's {_LARGEST_HALF:g}: use uint8 or float32")
         return Quantized(values.half(), none, none)
+    ranges = None if ranges is None else whole_labels(ranges)
     offsets, steps = spans(values.float(), ranges)
     rows = torch.arange(len(values), device=values.device) if ranges is None else ranges
     shape = (len(values), values.shape[1]) + (1,) * (values.dim() - 2)
@@ -75,7 +77,7 @@ def dequantize(stored: Quantized, *, ranges: torch.Tensor | None = None) -> torc
     """The float32 numbers that `stored` stands for; `ranges` as given to `quantize`."""
     if stored.codes.dtype != torch.uint8:
         return stored.codes.float()
-    rows = torch.arange(len(stored.codes), device=stored.codes.device) if ranges is None else ranges
+    rows = torch.arange(len(stored.codes), device=stored.codes.device) if ranges is None else whole_labels(ranges)
     shape = (len(stored.codes), stored.codes.shape[1]) + (1,) * (stored.codes.dim() - 2)
     return stored.offsets[rows].view(shape) + stored.steps[rows].view(shape) * stored.codes.float()
 

@@ -11,6 +11,7 @@ import torch
 from diffprt import sh
 from diffprt.compression.clustered.storage import from_tensors, to_tensors
 from diffprt.compression.clusters.components import blend
+from diffprt.compression.clusters.partition import whole_labels
 from diffprt.compression.encode import encoded_bytes
 from diffprt.compression.overdraw.overdraw import overdraw
 from diffprt.errors import InputError
@@ -35,7 +36,7 @@ class ClusteredSignal(TransferAtReceivers):
 
     Attributes:
         axes: what the axes of one signal are called, of each subclass.
-        labels: int64 [V], in [0, M).
+        labels: int64 [V], in [0, M); given in any integer type.
         means: float [M, ...], one signal per cluster: channels first, coefficients of incident light last.
         bases: float [M, P, ...], orthonormal over a signal's numbers; rows beyond a cluster's rank are zero.
         weights: float [V, P].
@@ -80,6 +81,7 @@ class ClusteredSignal(TransferAtReceivers):
             sh.order_of_count(count)
         check_choice("weights_format", self.weights_format, FORMATS)
         check_choice("bases_format", self.bases_format, FORMATS)
+        object.__setattr__(self, "labels", whole_labels(self.labels, self.clusters))
         expected = {
             "labels": (len(self.receivers),),
             "bases": (self.clusters, self.components, *self.means.shape[1:]),
@@ -90,10 +92,6 @@ class ClusteredSignal(TransferAtReceivers):
                 raise InputError(
                     f"clustered transfer has {name} of shape {tuple(getattr(self, name).shape)}: give {shape}"
                 )
-        if not 0 <= int(self.labels.min()) <= int(self.labels.max()) < self.clusters:
-            raise InputError(
-                f"clustered transfer has labels outside 0..{self.clusters - 1}: the file is damaged, compress again"
-            )
 
     @property
     def order(self) -> int:

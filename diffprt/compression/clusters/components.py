@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import torch
 
-from diffprt.compression.clusters.partition import members
+from diffprt.compression.clusters.partition import members, whole_labels
 
 # Values of so few numbers are gathered before they are weighed: the gradient of that takes a quarter of the time.
 _NARROW = 8
@@ -20,12 +20,16 @@ def cluster_pca(
 
     Args:
         vectors: float [V, D].
-        labels: int64 [V], in [0, clusters).
+        labels: [V], whole numbers of any type in [0, clusters).
         components: P, at least 0.
 
     Returns:
         means [M, D], bases [M, P, D] (orthonormal rows, or zero) and weights [V, P], of the vectors' dtype.
+
+    Raises:
+        InputError: labels that are no whole numbers or out of range.
     """
+    labels = whole_labels(labels, clusters)
     size = vectors.shape[1]
     means = torch.zeros(clusters, size, dtype=torch.float64)
     bases = torch.zeros(clusters, components, size, dtype=torch.float64)

@@ -8,7 +8,33 @@ import numpy as np
 import torch
 from scipy.sparse import csr_matrix
 
+from diffprt.errors import InputError
+
 _ROWS = 4096
+
+
+def whole_labels(labels: torch.Tensor, clusters: int | None = None) -> torch.Tensor:
+    """Labels of any integer type as int64 [V], which is what tensors are indexed with: uint8 would be read as a mask.
+
+    Args:
+        labels: [V], uint8 to uint64 or int8 to int64.
+        clusters: M; without it, labels may be any from 0 up.
+
+    Raises:
+        InputError: other numbers than whole ones, another shape, or a label that names no cluster.
+    """
+    labels = torch.as_tensor(labels)
+    if labels.is_floating_point() or labels.is_complex() or labels.dtype == torch.bool:
+        raise InputError(f"labels of dtype {labels.dtype}: give whole numbers, such as torch.int64")
+    if labels.dim() != 1:
+        raise InputError(f"labels of shape {tuple(labels.shape)}: give one for each receiver, (V,)")
+    whole = labels.to(torch.int64)
+    low, high = (int(whole.min()), int(whole.max())) if len(whole) else (0, 0)
+    if low < 0 or (clusters is not None and high >= clusters):
+        wanted = "numbers from 0 up" if clusters is None else f"one of {clusters} clusters; in a file, compress again"
+        outside = "below 0" if clusters is None else f"outside 0..{clusters - 1}"
+        raise InputError(f"labels {outside}, from {low} to {high}: give {wanted}")
+    return whole
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import torch
 
-from diffprt.compression.clusters.partition import member_means, members
+from diffprt.compression.clusters.partition import member_means, members, whole_labels
 
 _CELLS = 1 << 17
 
@@ -65,13 +65,14 @@ def fit_subspaces(
 
     Args:
         vectors: float [V, D].
-        labels: int64 [V], in [0, clusters).
+        labels: [V], whole numbers of any type in [0, clusters).
         components: P.
         bases: float [M, P, D] to go on from, as those of a similar partition; random without.
         passes: of the iteration; each multiplies what separates the subspace from the best one by the ratio of
             the eigenvalues on either side of the cut.
         seed: of the random start.
     """
+    labels = whole_labels(labels, clusters)
     means = member_means(vectors, labels, clusters)
     size = vectors.shape[1]
     kept = min(components, size)

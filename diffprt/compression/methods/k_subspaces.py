@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import torch
 
 from diffprt.compression.clusters.near import NearErrors, near_clusters
-from diffprt.compression.clusters.partition import Clustering
+from diffprt.compression.clusters.partition import Clustering, whole_labels
 from diffprt.compression.clusters.subspaces import Subspaces, fit_subspaces
 from diffprt.compression.methods.lbg import lbg
 from diffprt.compression.methods.starts import placed
@@ -49,13 +49,14 @@ def k_subspaces(
 
     Args:
         vectors: float [V, D].
-        labels: int64 [V], where to start, such as those of `lbg`.
+        labels: [V], whole numbers of any type, where to start, such as those of `lbg`.
         components: P.
         iterations: at most this many rounds.
         tolerance: stop when the error falls by less than this share of itself.
 
     Source: Bradley and Mangasarian 2000 (k-plane clustering); Kambhatla and Leen 1997 for components.
     """
+    labels = whole_labels(labels)
     clusters = int(labels.max()) + 1
     before, done, bases = float("inf"), 0, None
     for _ in range(iterations):

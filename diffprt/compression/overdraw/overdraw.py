@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import torch
 
+from diffprt.compression.clusters.partition import whole_labels
 from diffprt.errors import InputError
 
 _CELLS = 1 << 24
@@ -14,7 +15,7 @@ _CELLS = 1 << 24
 
 def draws(labels: torch.Tensor, faces: torch.Tensor) -> torch.Tensor:
     """Number of different labels at the corners of each triangle, int64 [F], 1 to 3."""
-    a, b, c = labels[faces].unbind(1)
+    a, b, c = whole_labels(labels)[faces].unbind(1)
     return 1 + (a != b).long() + ((c != a) & (c != b)).long()
 
 
@@ -22,11 +23,11 @@ def overdraw(labels: torch.Tensor, faces: torch.Tensor) -> float:
     """Average triangle overdraw: triangles drawn over triangles of the mesh, 1 to 3 (thesis 2005, equation 8).
 
     Args:
-        labels: int64 [V], the cluster (or super-cluster) of each receiver.
+        labels: [V], the cluster (or super-cluster) of each receiver, whole numbers of any type.
         faces: int64 [F, 3].
 
     Raises:
-        InputError: there are no faces.
+        InputError: there are no faces, or labels are no whole numbers.
     """
     if len(faces) == 0:
         raise InputError("overdraw is of triangles, and these receivers have 0 faces: give a mesh")

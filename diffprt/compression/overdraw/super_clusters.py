@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
+from diffprt.compression.clusters.partition import whole_labels
 from diffprt.compression.overdraw.overdraw import draws, overdraw
 from diffprt.errors import InputError
 
@@ -65,7 +66,7 @@ def super_clusters(
     """Groups clusters into passes of at most `per_pass` so that triangles are drawn seldom.
 
     Args:
-        labels: int64 [V], in [0, M).
+        labels: [V], in [0, M), whole numbers of any type.
         faces: int64 [F, 3].
         per_pass: as `clusters_per_pass` counts.
         selection: "greedy" is the thesis's algorithm; "search" goes on from there by chains of swaps (up
@@ -81,6 +82,7 @@ def super_clusters(
         raise InputError(f"super-cluster selection '{selection}' is unknown: use one of {', '.join(SELECTIONS)}")
     if per_pass < 1:
         raise InputError(f"per_pass is {per_pass}: give 1 or more clusters in a pass")
+    labels = whole_labels(labels)
     overdraw(labels, faces)
     clusters = int(labels.max()) + 1
     mixed = labels[faces[draws(labels, faces) > 1]]

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import torch
 
 from diffprt import sh
 from diffprt.optimization.losses import IMAGE_LOSSES
+from diffprt.optimization.own_loss import OwnLoss
 from diffprt.optimization.references.references import References
 from diffprt.rendering import FrozenView, auto_exposure, pixel_radiance
 
@@ -93,22 +95,34 @@ class Pictures:
         step: int,
         size: int,
         terms: dict[str, float],
+        own: Mapping[str, OwnLoss] | None = None,
         *,
         exposure: torch.Tensor | float = 1.0,
         lights: torch.Tensor | None = None,
     ) -> torch.Tensor:
-        """Weighted sum of image losses over a batch, a scalar; gradients reach asset, exposure and lights."""
-        picked = self.batch(step, size)
+        """Weighted sum of image losses over a batch, a scalar; gradients reach asset, exposure and lights.
+
+        Args:
+            terms: weights by name; those that are not of pictures are left out.
+            own: losses beside `IMAGE_LOSSES`.
+        """
+        picked, losses = self.batch(step, size), {**IMAGE_LOSSES, **(own or {})}
         total = torch.zeros(())
         for index in picked:
             inside = self.inside[index]
             image = _framed(self.radiance(asset, index, exposure, lights), inside)
             reference = _framed(self.pixels[index], inside)
             for name, weight in terms.items():
-                if name in IMAGE_LOSSES:
-                    own = IMAGE_LOSSES[name](image, reference, inside, self._exposures[index])
-                    total = total + weight * own / len(picked)
+                if name in losses:
+                    value = losses[name](image, reference, inside, self._exposures[index])
+                    total = total + weight * value / len(picked)
         return total
+
+    def marks(self, own: Mapping[str, OwnLoss]) -> dict[str, str]:
+        """What tells losses of the user's own from others of their names, by name: see `OwnLoss.mark`."""
+        index = self.trained[0]
+        picture = _framed(self.pixels[index], self.inside[index])
+        return {name: loss.mark(picture, self.inside[index], self._exposures[index]) for name, loss in own.items()}
 
     def error(self, asset, *, exposure: torch.Tensor | float = 1.0, lights: torch.Tensor | None = None) -> float:
         """Relative RMSE of the held-out pictures: the root of the mean over them of squared error over energy."""

@@ -50,7 +50,7 @@ def read_checkpoint(path: Path, run: str) -> tuple[dict[str, torch.Tensor], dict
         raise InputError(f"checkpoint {path} is damaged or not one: delete it and start anew") from error
     if owner != _owner(run):
         raise InputError(
-            f"checkpoint {path} is of a run with another asset, references or settings: repeat that command, or "
+            f"checkpoint {path} is of a run with another asset, references, loss or settings: repeat that command, or "
             "delete the file"
         )
     return unsealed(content), json.loads(progress)

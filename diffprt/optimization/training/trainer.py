@@ -117,7 +117,8 @@ def train(
 def _diverges(run: Run, loss: float) -> bool:
     run.smoothed = loss if math.isnan(run.smoothed) else _SMOOTHING * run.smoothed + (1 - _SMOOTHING) * loss
     run.least = min(run.least, run.smoothed)
-    return not math.isfinite(loss) or run.smoothed > _DIVERGED * max(run.least, 1e-12)
+    grew = run.least >= 0 and run.smoothed > _DIVERGED * max(run.least, 1e-12)  # below 0, multiples say nothing
+    return not math.isfinite(loss) or grew
 
 
 def _evaluate(run: Run, leaves: dict, evaluate: Callable[[], float], loss: float, tolerance, seconds: float) -> None:

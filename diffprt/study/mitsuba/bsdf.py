@@ -6,7 +6,7 @@ from types import ModuleType
 
 import torch
 
-from diffprt.brdf import GGX, Brdf, Conductor, CookTorrance, Lambert, ModifiedPhong
+from diffprt.brdf import GGX, Brdf, Conductor, CookTorrance, Lambert, ModifiedPhong, is_own
 from diffprt.errors import InputError
 from diffprt.study.mitsuba.phong import phong_bsdf
 
@@ -17,13 +17,14 @@ def mitsuba_bsdf(mitsuba: ModuleType, brdf: Brdf) -> dict:
     Raises:
         InputError: Mitsuba has no such BSDF.
     """
+    if is_own(brdf):  # a subclass of one that Mitsuba has may reflect otherwise
+        raise InputError(f"Mitsuba has no {type(brdf).__name__}: compare lambert, phong, cook-torrance or ggx")
     if isinstance(brdf, Lambert):
         return {"type": "diffuse", "reflectance": _color(brdf.diffuse)}
     if isinstance(brdf, ModifiedPhong):
         return phong_bsdf(mitsuba, brdf)
-    if isinstance(brdf, CookTorrance | GGX):
-        return _facets(brdf)
-    raise InputError(f"Mitsuba has no {type(brdf).__name__}: compare lambert, phong, cook-torrance or ggx")
+    assert isinstance(brdf, CookTorrance | GGX)
+    return _facets(brdf)
 
 
 def _facets(brdf: CookTorrance | GGX) -> dict:

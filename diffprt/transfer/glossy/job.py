@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import warnings
 from functools import cached_property
 from pathlib import Path
 
-from diffprt.brdf import describe_brdf
+from diffprt.brdf import check_brdf, is_own, mark, recorded
 from diffprt.errors import InputError
 from diffprt.options.bake import GlossySettings
 from diffprt.progress import Track, timed, untracked
@@ -39,6 +40,10 @@ class GlossyJob(Job):
         if given is not None:
             raise InputError(f"{given} is given with a BRDF: glossy bakes do not take it, leave one of them out")
         self.brdfs = brdfs_of(scene)
+        for brdf in self.brdfs:
+            check_brdf(brdf)
+        if self._unsaved:
+            warnings.warn(f"the asset can be used and not saved: {self._unsaved}", stacklevel=2)
         _ = self.settings
 
     @cached_property
@@ -48,12 +53,18 @@ class GlossyJob(Job):
     @property
     def saved(self) -> dict:
         """Settings as the asset has them."""
-        return {**self.settings.as_dict(), "brdf": [describe_brdf(b) for b in self.brdfs]}
+        return {**self.settings.as_dict(), "brdf": [recorded(b)[0] for b in self.brdfs]}
+
+    @property
+    def _unsaved(self) -> str:
+        """Why a file cannot say what was baked; "" where it can."""
+        return next((why for b in self.brdfs if (why := recorded(b)[1])), "")
 
     def _passes(self) -> GlossyPasses:
         settings = self.settings
         materials = GlossyMaterials.of(self.scene, settings.order, settings.order_out, settings.ridge)
-        return GlossyPasses(self.surfaces, materials, settings, {**self.saved, "scene": self.scene.hash()})
+        own = {"own BRDFs": [mark(b) for b in self.brdfs]} if any(is_own(b) for b in self.brdfs) else {}
+        return GlossyPasses(self.surfaces, materials, settings, {**self.saved, **own, "scene": self.scene.hash()})
 
     @cached_property
     def _estimated(self) -> Estimate:
@@ -93,7 +104,8 @@ class GlossyJob(Job):
             signal = left.transfer[passes.order.argsort()]
         noise, size = (left.squares / len(receivers)).sqrt().tolist()
         certificate = {"noise_rms": noise, "signal_rms": size, "noise_relative": noise / size if size > 0 else 0.0}
-        transfer = GlossyTransfer(signal, receivers, Provenance(self.saved, {}, certificate, self.scene.hash()))
+        made = Provenance(self.saved, {}, certificate, self.scene.hash(), self._unsaved)
+        transfer = GlossyTransfer(signal, receivers, made)
         report["errors"], report["settings"] = certificate, transfer.settings
         report["counts"] |= {
             "threads": self.threads,

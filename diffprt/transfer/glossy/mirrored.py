@@ -30,11 +30,11 @@ def mirrored(radiance: torch.Tensor, frames: torch.Tensor) -> torch.Tensor:
     """Exit radiance by mirrored direction, in SH on the scene's axes.
 
     Args:
-        radiance: float [V, 3, K_out], by direction, on each receiver's own axes.
+        radiance: float [V, 3 B, K_out], under B lights, by direction, on each receiver's own axes.
         frames: [V, 3, 3], columns tangent, bitangent, normal.
 
     Returns:
-        [V, 3, K_out] in the dtype of `radiance`; gradients reach it.
+        [V, 3 B, K_out] in the dtype of `radiance`; gradients reach it.
     """
     # The mirrored direction is the view turned by half a circle about the normal, (-x, -y, z) on the receiver's axes.
     order = sh.order_of_count(radiance.shape[-1])
