@@ -8,13 +8,14 @@ import typer
 
 from diffprt.cli.from_options import from_options
 from diffprt.cli.outputs import JsonFile, check_ending, check_output, write_report
-from diffprt.cli.tables import size_text
+from diffprt.cli.parsing import parse_budget
+from diffprt.cli.tables import geometry_text, size_text
 from diffprt.errors import InputError
 from diffprt.options.compress import CompressOptions
 from diffprt.progress import status
 
 
-@from_options(CompressOptions)
+@from_options(CompressOptions, bytes=parse_budget)
 def run(
     source: Path = typer.Argument(..., metavar="ASSET", help="A .prt file made by 'diffprt bake'."),
     output: Path = typer.Option(Path("compressed.prt"), "-o", "--output", help="The asset to write (.prt)."),
@@ -46,9 +47,25 @@ def run(
         print(f"note: {counts['clusters_dropped']} clusters were dropped: no receiver is best served by them")
     drawn = f", overdraw {counts['overdraw']:.3f}" if "overdraw" in counts else ""
     print(
-        f"{output}: {counts['clusters']} clusters x {options.components} components, "
+        f"{output}: file {size_text(size)}, "
         f"signal {size_text(counts['bytes'])} (was {size_text(counts['bytes_before'])}), "
+        f"{counts['clusters']} clusters x {counts['components']} components, "
         f"error {100 * report['errors']['compression_relative']:.2f} %{drawn}"
     )
+    if options.bytes is not None:
+        print(f"chosen: {_chosen(report['form'], compressed.certificate, transfer.beside_signal)}")
+    elif report["form"]["geometry"] == 16:
+        print(f"geometry: {geometry_text(compressed.certificate)}")
+    for warning in report["warnings"]:
+        print(f"warning: {warning}")
     report["outputs"] = {"asset": str(output), "bytes": size}
     write_report(json_file, "compress", report)
+
+
+def _chosen(form: dict, certificate: dict, beside: dict) -> str:
+    """What a budget was spent on, in words."""
+    formats = f"weights in {form['weights_format']}, bases in {form['bases_format']}"
+    geometry = geometry_text(certificate) if form["geometry"] == 16 else "geometry in 32 bits"
+    dropped = sorted(set(beside) - set(form["beside"]))
+    names = " and ".join(name.replace("_", " ") for name in dropped)
+    return f"{formats}, {geometry}" + (f", without {names}" if dropped else "")

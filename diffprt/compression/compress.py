@@ -4,21 +4,30 @@ from __future__ import annotations
 
 import math
 import time
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import torch
 
+from diffprt.compression.advice import remedy
+from diffprt.compression.budget import MOST_ERROR, Budget, Form
 from diffprt.compression.clustered import diffuse, glossy  # noqa: F401  their types register themselves
 from diffprt.compression.clustered.signal import CLUSTERED, ClusteredSignal
-from diffprt.compression.encode import encode, squared_errors
+from diffprt.compression.encode import Encoded, encode, squared_errors
 from diffprt.compression.overdraw.overdraw import overdraw
 from diffprt.compression.overdraw.super_clusters import clusters_per_pass, super_clusters
 from diffprt.compression.prior import check_prior
+from diffprt.compression.to_bytes import encode_to_bytes
 from diffprt.errors import InputError
-from diffprt.options.compress import CompressOptions
+from diffprt.options.compress import ClusterOptions, CompressOptions
 from diffprt.options.keywords import takes
+from diffprt.representation.file_size import WIDEST, shapes_of, unmeasured
+from diffprt.representation.geometry import MEASURED, with_geometry
 from diffprt.transfer.at_receivers import TransferAtReceivers
 
+# Entries of the certificate, in the order in which `compression_error` gives them.
+ERRORS = ("compression_squared_error", "compression_relative", "compression_worst")
 _ROWS = 4096
 
 
@@ -54,21 +63,30 @@ def compress(transfer: TransferAtReceivers, options: CompressOptions) -> Cluster
         outputs = math.prod(shape[1:-1])
         per_pass = clusters_per_pass(options.registers, components, channels=transfer.channels, outputs=outputs)
     known = {"positions": transfer.receivers.positions, "faces": faces, "per_pass": per_pass, "prior": weights}
-    encoded = encode(vectors, **(vars(options) | known))
+    clustering = ClusterOptions(**(vars(options) | known | {"bytes": None, "geometry": None}))
+    settings = partial(_settings, options, clustering.chosen, prior)
+    budget = Budget(
+        size=options.bytes or 0,
+        kind=kind,
+        provenance=lambda form: transfer.provenance.also(
+            settings={"compress": settings(form, WIDEST, WIDEST)}, certificate=unmeasured(*ERRORS, *MEASURED)
+        ),
+        receivers=transfer.receivers,
+        signal_shape=tuple(shape),
+        beside=shapes_of(transfer.beside_signal),
+        geometry=options.geometry,
+        dtype=vectors.dtype,
+    )
+    if options.bytes is None:
+        encoded = encode(vectors, clustering)
+        bits = options.geometry or transfer.receivers.bits
+        form = Form(len(encoded.means), components, options.weights_format, options.bases_format, bits)
+    else:
+        encoded, form = encode_to_bytes(vectors, clustering, budget)
+        components = form.components
     found = len(encoded.means)
     squared = squared_errors(vectors, encoded)
-    kept_options = {
-        "clusters": options.clusters,
-        "components": components,
-        "method": encoded.method,
-        "seed": options.seed,
-        "start": options.start,
-        "weights_format": options.weights_format,
-        "bases_format": options.bases_format,
-        "coherence": encoded.counts.get("coherence"),
-        "registers": options.registers,
-        "prior": None if prior is None else prior.tolist(),
-    }
+    kept_options = settings(form, encoded.counts.get("coherence"), options.bytes)
     kept: dict[str, Any] = {
         "labels": encoded.labels,
         "means": encoded.means.reshape(found, *shape),
@@ -78,11 +96,11 @@ def compress(transfer: TransferAtReceivers, options: CompressOptions) -> Cluster
         "provenance": transfer.provenance.also(
             settings={"compress": kept_options}, certificate=compression_error(vectors, squared)
         ),
-        "weights_format": options.weights_format,
-        "bases_format": options.bases_format,
+        "weights_format": form.weights_format,
+        "bases_format": form.bases_format,
     }
-    kept.update(transfer.beside_signal)
-    compressed = kind(**kept)
+    kept.update(transfer.beside_signal if form.beside else {})
+    compressed = with_geometry(kind(**kept), form.geometry)
     if (report := options.report) is not None:
         report["timings"] = {**encoded.timings, "total": time.perf_counter() - begun}
         report["counts"] = {
@@ -101,7 +119,73 @@ def compress(transfer: TransferAtReceivers, options: CompressOptions) -> Cluster
         if weights is not None:
             weighted = float(squared_errors(vectors, encoded, weights).mean())
             report["errors"]["compression_squared_error_weighted"] = weighted
+        report["form"] = vars(form) | {"beside": sorted(transfer.beside_signal) if form.beside else []}
+        report |= _warning(vectors, encoded, clustering, budget, form, report["errors"]["compression_relative"])
     return compressed
+
+
+def _warning(
+    vectors: torch.Tensor,
+    encoded: Encoded,
+    clustering: ClusterOptions,
+    budget: Budget,
+    form: Form,
+    error: float,
+) -> dict:
+    """`warnings`, in words, and the `remedy` in numbers, where the error is over `MOST_ERROR`."""
+    if error <= MOST_ERROR:
+        return {"warnings": []}
+    found = remedy(vectors, encoded, clustering, MOST_ERROR)
+    over = f"the signal's error is {100 * error:.2f} %, over {100 * MOST_ERROR:.0f} %"
+    if found is None:
+        return {"warnings": [f"{over}: its receivers have too little in common, keep it uncompressed"], "remedy": None}
+    clusters = found.clusters if budget.size == 0 or found.clusters > clustering.clusters else form.clusters
+    needed = replace(
+        form,
+        clusters=clusters,
+        components=found.components,
+        weights_format=found.weights_format,
+        bases_format=found.bases_format,
+    )
+    size = budget.file_bytes(needed)
+    if budget.size:
+        asked = f"--bytes {size}"
+    else:
+        formats = {"weights": found.weights_format, "bases": found.bases_format}
+        given = {"weights": clustering.weights_format, "bases": clustering.bases_format}
+        asked = f"--clusters {found.clusters} --components {found.components}"
+        asked += "".join(f" --{name}-format {formats[name]}" for name in formats if formats[name] != given[name])
+    text = f"{over}: {asked} brings it to about {100 * found.relative:.1f} %"
+    return {
+        "warnings": [text if budget.size else f"{text}, in a file of {size / 1e6:.2f} MB"],
+        "remedy": {**vars(found), "clusters": clusters, "file_bytes": size},
+    }
+
+
+def _settings(
+    options: CompressOptions,
+    method: str,
+    prior: torch.Tensor | None,
+    form: Form,
+    coherence: float | None,
+    size: float | None,
+) -> dict:
+    """What the file says of how it was compressed; of its bytes and geometry where they are not as they always were."""
+    found = {
+        "clusters": options.clusters,
+        "components": form.components,
+        "method": method,
+        "seed": options.seed,
+        "start": options.start,
+        "weights_format": form.weights_format,
+        "bases_format": form.bases_format,
+        "coherence": coherence,
+        "registers": options.registers,
+        "prior": None if prior is None else prior.tolist(),
+    }
+    if options.bytes is not None:
+        found["bytes"] = size
+    return found if form.geometry == 32 else found | {"geometry": form.geometry}
 
 
 def clustered_kind(transfer: TransferAtReceivers) -> type[ClusteredSignal]:
@@ -124,8 +208,5 @@ def compression_error(vectors: torch.Tensor, squared: torch.Tensor) -> dict:
     rows = vectors.detach().split(_ROWS)  # no second copy of a signal that may fill the memory
     energy = float(torch.cat([part.square().sum(1, dtype=torch.float64) for part in rows]).mean())
     scale = energy**0.5 or 1.0
-    return {
-        "compression_squared_error": float(squared.mean()),
-        "compression_relative": float(squared.mean()) ** 0.5 / scale,
-        "compression_worst": float(squared.max()) ** 0.5 / scale,
-    }
+    mean, worst = float(squared.mean()), float(squared.max())
+    return dict(zip(ERRORS, (mean, mean**0.5 / scale, worst**0.5 / scale), strict=True))

@@ -34,3 +34,9 @@ def check_threads(threads: int | None) -> None:
     """Refuses a number of CPU threads below 1; None is all."""
     if threads is not None and threads < 1:
         raise InputError(f"threads is {threads}: give 1 or more, or leave it out to use all")
+
+
+def check_geometry(bits: int | None) -> None:
+    """Refuses geometry in other than 32 or 16 bits; None is left to the operation."""
+    if bits not in (None, 32, 16):
+        raise InputError(f"geometry is {bits}: give 32, or 16 for positions and normals in 16 bits")

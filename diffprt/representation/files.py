@@ -10,6 +10,7 @@ import safetensors.torch
 import torch
 
 from diffprt.errors import InputError
+from diffprt.representation.geometry import with_geometry
 from diffprt.representation.header import KEY, VERSION, read_header
 from diffprt.representation.interface import Representation
 from diffprt.representation.provenance import Provenance
@@ -24,44 +25,49 @@ CONVENTIONS = {
 _LARGEST_TENSOR = 1 << 33
 
 
-def save(asset: Representation, path: str | Path) -> int:
+def save(asset: Representation, path: str | Path, *, geometry: int | None = None) -> int:
     """Writes an asset to `path` (.prt); the file appears whole or not at all.
+
+    Args:
+        asset: any representation.
+        path: of the file.
+        geometry: 32, or 16: positions, normals, albedo and faces in 16 bits (`with_geometry`); the asset's own without.
 
     Returns:
         its size in bytes.
 
     Raises:
-        InputError: the folder cannot be written, or `asset` is of no type that is saved.
+        InputError: the folder cannot be written, `asset` is of no type that is saved, or has no geometry in 16 bits.
     """
     path = Path(path)
     if not isinstance(asset, Representation):
         raise InputError(f"a {type(asset).__name__} cannot be saved: give a representation, such as bake returns")
-    elements = {name: getattr(asset.elements, name) for name in asset.elements_type.spec}
-    narrow = {name: _narrowed(value, asset.elements_type.spec[name].dtypes) for name, value in elements.items()}
-    header = {
-        "version": VERSION,
-        "type": asset.name,
-        "conventions": {**CONVENTIONS, "transfer": asset.description},
-        "scene_hash": asset.scene_hash,
-        "settings": asset.settings,
-        "plan": asset.plan,
-        "certificate": asset.certificate,
-    }
-    tensors = {key: tensor.detach().cpu().contiguous() for key, tensor in {**asset.stored(), **narrow}.items()}
+    asset = asset if geometry is None else with_geometry(asset, geometry)
+    tensors = {**asset.stored(), **asset.elements.stored()}
+    tensors = {key: tensor.detach().cpu().contiguous() for key, tensor in tensors.items()}
     # A file has no two names for the same memory.
     first = {tensor.untyped_storage().data_ptr(): key for key, tensor in reversed(tensors.items())}
     apart = {
         key: tensor if first[tensor.untyped_storage().data_ptr()] == key else tensor.clone()
         for key, tensor in tensors.items()
     }
-    data = safetensors.torch.save(apart, metadata={KEY: json.dumps(header, sort_keys=True)})
+    data = safetensors.torch.save(apart, metadata={KEY: header_text(type(asset), asset.provenance)})
     write_whole(path, data, "asset")
     return len(data)
 
 
-def _narrowed(values: torch.Tensor, dtypes: tuple[str, ...]) -> torch.Tensor:
-    """Values in the one dtype that files have for them, where there is but one."""
-    return values.to(getattr(torch, dtypes[0])) if len(dtypes) == 1 else values
+def header_text(kind: type[Representation], provenance: Provenance) -> str:
+    """The JSON of a file's header."""
+    header = {
+        "version": VERSION,
+        "type": kind.name,
+        "conventions": {**CONVENTIONS, "transfer": kind.description},
+        "scene_hash": provenance.scene_hash,
+        "settings": provenance.settings,
+        "plan": provenance.plan,
+        "certificate": provenance.certificate,
+    }
+    return json.dumps(header, sort_keys=True)
 
 
 def load(path: str | Path) -> Representation:
@@ -76,7 +82,8 @@ def load(path: str | Path) -> Representation:
         kind = kind_of(header["type"])
     except InputError as error:
         raise InputError(f"asset {path} cannot be read: {error}; 'diffprt info' describes it") from None
-    spec = {**kind.spec, **kind.elements_type.spec}
+    places_spec = kind.elements_type.file_spec(header["tensors"])
+    spec = {**kind.spec, **places_spec}
     shapes = {key: tuple(entry["shape"]) for key, entry in header["tensors"].items()}
     wrong = mismatch(spec, shapes)
     if wrong is not None:
@@ -95,7 +102,7 @@ def load(path: str | Path) -> Representation:
         if tensor.is_floating_point() and not bool(torch.isfinite(tensor).all()):
             raise InputError(f"asset {path} has non-finite {key}: bake it again")
     try:
-        places = {name: tensors.pop(name) for name in kind.elements_type.spec}
+        places = {name: tensors.pop(name) for name in places_spec if name in tensors}
         provenance = Provenance(header["settings"], header["plan"], header["certificate"], header["scene_hash"])
         return kind.restored(tensors, kind.elements_type.restored(places), provenance)
     except InputError as error:
