@@ -99,7 +99,7 @@ def run(
         print(f"note: {errors['receivers_inside']:,} receivers lie inside geometry" + ", filled" * options.fill_inside)
     print(
         f"{output}: {estimate.receivers:,} receivers, {_bands_text(job)}, {job.settings.rays} rays, "
-        f"{size_text(size)}{_error_text(errors)}"
+        f"file {size_text(size)}{_error_text(errors)}"
     )
     report |= {
         "estimate": estimate.as_dict(),
@@ -133,7 +133,7 @@ def _print_estimate(source: str, job: Job, json_file: Path | None) -> None:
         ["bounces from", "recomputed hits" if estimate.operator == "recompute" else "stored hits"],
         ["time", f"{estimate.seconds:.1f} s"],
         ["memory", size_text(estimate.memory_bytes)],
-        ["asset", size_text(estimate.asset_bytes)],
+        ["asset file", size_text(estimate.asset_bytes)],
     ]
     report = {"dry_run": True, "settings": settings.as_dict(), "estimate": estimate.as_dict()}
     if job.sampling is not None:

@@ -119,11 +119,9 @@ class Budget:
 
     def refuse(self, least: int, kept: str, remedy: str) -> NoReturn:
         """Raises InputError that names the least."""
-        given_up = "geometry in 16 bits" if self.levels[-1][0] == 16 else "geometry in 32 bits"
-        given_up += ", no openness" if self.beside else ""
-        raise InputError(
-            f"bytes is {self.size}, the least file takes {least} ({given_up}): give that or more, or {remedy}"
-        )
+        given_up = f"{kept}, geometry in {self.levels[-1][0]} bits" + (", no openness" if self.beside else "")
+        least_text = f"the least file takes {least} ({given_up})"
+        raise InputError(f"bytes is {self.size}, {least_text}: give that or more, or {remedy}")
 
     @cached_property
     def _geometries(self) -> dict[int, Shapes]:

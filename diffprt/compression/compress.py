@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import torch
 
-from diffprt.compression.advice import remedy
-from diffprt.compression.budget import MOST_ERROR, Budget, Form
+from diffprt.compression.advice import advice
+from diffprt.compression.budget import Budget, Form
 from diffprt.compression.clustered import diffuse, glossy  # noqa: F401  their types register themselves
 from diffprt.compression.clustered.signal import CLUSTERED, ClusteredSignal
-from diffprt.compression.encode import Encoded, encode, squared_errors
+from diffprt.compression.encode import encode, squared_errors
 from diffprt.compression.overdraw.overdraw import overdraw
 from diffprt.compression.overdraw.super_clusters import clusters_per_pass, super_clusters
 from diffprt.compression.prior import check_prior
@@ -69,7 +68,8 @@ def compress(transfer: TransferAtReceivers, options: CompressOptions) -> Cluster
         size=options.bytes or 0,
         kind=kind,
         provenance=lambda form: transfer.provenance.also(
-            settings={"compress": settings(form, WIDEST, WIDEST)}, certificate=unmeasured(*ERRORS, *MEASURED)
+            settings={"compress": settings(form, WIDEST, WIDEST)},
+            certificate=unmeasured(*ERRORS, *(MEASURED if form.geometry == 16 else ())),
         ),
         receivers=transfer.receivers,
         signal_shape=tuple(shape),
@@ -120,46 +120,8 @@ def compress(transfer: TransferAtReceivers, options: CompressOptions) -> Cluster
             weighted = float(squared_errors(vectors, encoded, weights).mean())
             report["errors"]["compression_squared_error_weighted"] = weighted
         report["form"] = vars(form) | {"beside": sorted(transfer.beside_signal) if form.beside else []}
-        report |= _warning(vectors, encoded, clustering, budget, form, report["errors"]["compression_relative"])
+        report |= advice(vectors, encoded, clustering, budget, form)
     return compressed
-
-
-def _warning(
-    vectors: torch.Tensor,
-    encoded: Encoded,
-    clustering: ClusterOptions,
-    budget: Budget,
-    form: Form,
-    error: float,
-) -> dict:
-    """`warnings`, in words, and the `remedy` in numbers, where the error is over `MOST_ERROR`."""
-    if error <= MOST_ERROR:
-        return {"warnings": []}
-    found = remedy(vectors, encoded, clustering, MOST_ERROR)
-    over = f"the signal's error is {100 * error:.2f} %, over {100 * MOST_ERROR:.0f} %"
-    if found is None:
-        return {"warnings": [f"{over}: its receivers have too little in common, keep it uncompressed"], "remedy": None}
-    clusters = found.clusters if budget.size == 0 or found.clusters > clustering.clusters else form.clusters
-    needed = replace(
-        form,
-        clusters=clusters,
-        components=found.components,
-        weights_format=found.weights_format,
-        bases_format=found.bases_format,
-    )
-    size = budget.file_bytes(needed)
-    if budget.size:
-        asked = f"--bytes {size}"
-    else:
-        formats = {"weights": found.weights_format, "bases": found.bases_format}
-        given = {"weights": clustering.weights_format, "bases": clustering.bases_format}
-        asked = f"--clusters {found.clusters} --components {found.components}"
-        asked += "".join(f" --{name}-format {formats[name]}" for name in formats if formats[name] != given[name])
-    text = f"{over}: {asked} brings it to about {100 * found.relative:.1f} %"
-    return {
-        "warnings": [text if budget.size else f"{text}, in a file of {size / 1e6:.2f} MB"],
-        "remedy": {**vars(found), "clusters": clusters, "file_bytes": size},
-    }
 
 
 def _settings(

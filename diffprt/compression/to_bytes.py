@@ -85,7 +85,7 @@ def _counts(budget: Budget, most: int) -> list[int]:
     found: list[tuple[int, int]] = []
     for clusters in ladder(most):
         room = _room(budget, clusters)
-        if room and (not found or room > 1.2 * found[-1][1]):
+        if room and (not found or room > found[-1][1]):
             found.append((clusters, room))
     if found:
         return [clusters for clusters, _ in found]

@@ -60,11 +60,14 @@ def _fit_file(
         InputError: not even one component fits; the least is named.
     """
     loss = _needed(loss)
-    written = provenance(asset.provenance.also(certificate=unmeasured(*MEASURED)))
+    written = {
+        32: provenance(asset.provenance),
+        16: provenance(asset.provenance.also(certificate=unmeasured(*MEASURED))),
+    }
     budget = Budget(
         size=size,
         kind=type(asset),
-        provenance=lambda form: written,
+        provenance=lambda form: written[form.geometry],
         receivers=asset.receivers,
         signal_shape=asset.signal_shape,
         beside=shapes_of(asset.beside_signal),

@@ -37,7 +37,8 @@ def to_few_bits(
     found = {
         "positions": codes,
         BOX: box,
-        "normals": torch.from_numpy(octahedral(normals.detach().cpu().numpy())),
+        # Some edges have two codes: the ones that they come back to.
+        "normals": torch.from_numpy(octahedral(unfolded(octahedral(normals.detach().cpu().numpy())))),
         "faces": faces.to(index_type),
     }
     if bool((albedo == albedo[:1]).all()):

@@ -28,7 +28,7 @@ def octahedral(normals: np.ndarray) -> np.ndarray:
 
 
 def unfolded(codes: np.ndarray) -> np.ndarray:
-    """The unit vectors, float32 [V, 3], of `codes` uint16 [V, 2]; `octahedral` gives the same codes again."""
+    """The unit vectors, float32 [V, 3], of `codes` uint16 [V, 2]; they are not changed by another round."""
     z, x = (codes.astype(np.float64) / _MOST - 1).T
     y = 1 - np.abs(z) - np.abs(x)
     below = y < 0
