@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import torch
 
@@ -84,7 +85,7 @@ def _remedy(
     for _ in range(_MOST_TRIES):
         if foretold is None:
             clusters = min(4 * clusters, len(vectors), 1 << 16)
-        known = {"clusters": clusters, "components": components}
+        known: dict[str, Any] = {"clusters": clusters, "components": components}
         known |= {"weights_format": formats[0], "bases_format": formats[1]}
         relative = _relative(vectors, found := encode(vectors, **(vars(options) | known)))
         if relative <= MOST_ERROR:

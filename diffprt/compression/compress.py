@@ -61,8 +61,14 @@ def compress(transfer: TransferAtReceivers, options: CompressOptions) -> Cluster
     if options.registers is not None:
         outputs = math.prod(shape[1:-1])
         per_pass = clusters_per_pass(options.registers, components, channels=transfer.channels, outputs=outputs)
-    known = {"positions": transfer.receivers.positions, "faces": faces, "per_pass": per_pass, "prior": weights}
-    clustering = ClusterOptions(**(vars(options) | known | {"bytes": None, "geometry": None}))
+    known: dict[str, Any] = {
+        "positions": transfer.receivers.positions,
+        "faces": faces,
+        "per_pass": per_pass,
+        "prior": weights,
+    }
+    known |= {"bytes": None, "geometry": None}
+    clustering = ClusterOptions(**(vars(options) | known))
     settings = partial(_settings, options, clustering.chosen, prior)
     budget = Budget(
         size=options.bytes or 0,
@@ -78,7 +84,7 @@ def compress(transfer: TransferAtReceivers, options: CompressOptions) -> Cluster
         dtype=vectors.dtype,
     )
     if options.bytes is None:
-        encoded = encode(vectors, clustering)
+        encoded = encode(vectors, **vars(clustering))
         bits = options.geometry or transfer.receivers.bits
         form = Form(len(encoded.means), components, options.weights_format, options.bases_format, bits)
     else:

@@ -100,8 +100,10 @@ class Receivers(Elements):
     @classmethod
     def restored(cls, tensors: dict[str, torch.Tensor]) -> Receivers:
         if BOX in tensors:
-            return cls(**from_few_bits(tensors), bits=16)
-        return cls(**{**tensors, "faces": tensors["faces"].to(torch.int64)})
+            found = from_few_bits(tensors)
+            return cls(found["positions"], found["normals"], found["albedo"], found["faces"], bits=16)
+        own = {**tensors, "faces": tensors["faces"].to(torch.int64)}
+        return cls(**own)  # pyright: ignore[reportArgumentType]
 
     def in_bits(self, bits: int) -> Receivers:
         """The same as they come back from a file of so many bits, 32 or 16; no gradients pass through 16."""
@@ -109,7 +111,7 @@ class Receivers(Elements):
         if bits == 32 or self.bits == 16:
             return replace(self, bits=bits)
         rounded = from_few_bits(to_few_bits(self.positions, self.normals, self.albedo, self.faces))
-        return replace(self, **rounded, bits=16)
+        return replace(self, bits=16, **rounded)
 
     def view(self, camera: Camera, *, threads: int | None = None) -> View:
         """The corners of the triangle at each pixel center, with perspective-correct weights."""

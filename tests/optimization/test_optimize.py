@@ -2,6 +2,7 @@
 
 import dataclasses
 import os
+import re
 import signal
 
 import pytest
@@ -220,3 +221,31 @@ def test_a_target_of_another_mesh_or_a_compressed_one_is_refused(bumpy_transfer,
         optimize(small, references, target=other)
     with pytest.raises(InputError, match="one component of 6 clusters"):
         optimize(small, references, target=bumpy_transfer, bytes=1000)
+
+
+@pytest.mark.parametrize("share", [0.75, 0.9, 1.5])
+def test_the_written_file_keeps_the_bytes(bumpy_transfer, references, small, tmp_path, share):
+    size = int(share * save(small, tmp_path / "small.prt"))
+    report: dict = {}
+    found = optimize(small, references, target=bumpy_transfer, bytes=size, steps=3, report=report)
+    assert 0.93 * size < save(found, tmp_path / "a.prt") <= size
+    assert found.receivers.bits == 16 and found.certificate["geometry_displacement"] > 0
+    assert report["dropped"] == ([] if found.openness is not None else ["openness", "bent_normals"])
+
+
+def test_the_least_that_is_named_is_the_least(bumpy_transfer, references, small, tmp_path):
+    run = {"target": bumpy_transfer, "steps": 2}
+    with pytest.raises(InputError, match="bytes is 5000, the least file takes") as caught:
+        optimize(small, references, bytes=5000, **run)
+    least = int(re.search(r"takes (\d+)", str(caught.value))[1])
+    assert least - 300 < save(optimize(small, references, bytes=least, **run), tmp_path / "a.prt") <= least
+    with pytest.raises(InputError, match=f"the least file takes {least} "):
+        optimize(small, references, bytes=least - 1, **run)
+
+
+def test_geometry_in_sixteen_bits_on_request(references, small, tmp_path):
+    found = optimize(small, references, geometry=16, steps=3)
+    save(found, tmp_path / "a.prt")
+    assert found.receivers.bits == load(tmp_path / "a.prt").receivers.bits == 16
+    with pytest.raises(InputError, match="geometry is 24"):
+        optimize(small, references, geometry=24, steps=3)
