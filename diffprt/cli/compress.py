@@ -53,7 +53,7 @@ def run(
         f"error {100 * report['errors']['compression_relative']:.2f} %{drawn}"
     )
     if options.bytes is not None:
-        print(f"chosen: {_chosen(report['form'], compressed.certificate, transfer.beside_signal)}")
+        print(f"chosen: {_chosen(report['form'], compressed.certificate)}")
     elif report["form"]["geometry"] == 16:
         print(f"geometry: {geometry_text(compressed.certificate)}")
     for warning in report["warnings"]:
@@ -62,10 +62,9 @@ def run(
     write_report(json_file, "compress", report)
 
 
-def _chosen(form: dict, certificate: dict, beside: dict) -> str:
+def _chosen(form: dict, certificate: dict) -> str:
     """What a budget was spent on, in words."""
     formats = f"weights in {form['weights_format']}, bases in {form['bases_format']}"
     geometry = geometry_text(certificate) if form["geometry"] == 16 else "geometry in 32 bits"
-    dropped = sorted(set(beside) - set(form["beside"]))
-    names = " and ".join(name.replace("_", " ") for name in dropped)
-    return f"{formats}, {geometry}" + (f", without {names}" if dropped else "")
+    names = " and ".join(name.replace("_", " ") for name in reversed(form["dropped"]))
+    return f"{formats}, {geometry}" + (f", without {names}" if names else "")

@@ -125,7 +125,9 @@ def compress(transfer: TransferAtReceivers, options: CompressOptions) -> Cluster
         if weights is not None:
             weighted = float(squared_errors(vectors, encoded, weights).mean())
             report["errors"]["compression_squared_error_weighted"] = weighted
-        report["form"] = vars(form) | {"beside": sorted(transfer.beside_signal) if form.beside else []}
+        dropped = [] if form.beside else sorted(transfer.beside_signal)
+        report["form"] = {**vars(form), "clusters": found, "dropped": dropped}
+        del report["form"]["beside"]
         report |= advice(vectors, encoded, clustering, budget, form)
     return compressed
 

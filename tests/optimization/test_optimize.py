@@ -229,7 +229,8 @@ def test_the_written_file_keeps_the_bytes(bumpy_transfer, references, small, tmp
     report: dict = {}
     found = optimize(small, references, target=bumpy_transfer, bytes=size, steps=3, report=report)
     assert 0.93 * size < save(found, tmp_path / "a.prt") <= size
-    assert found.receivers.bits == 16 and found.certificate["geometry_displacement"] > 0
+    assert found.receivers.bits == (16 if share < 1 else 32), "nothing is given up where the error is small already"
+    assert ("geometry_displacement" in found.certificate) == (share < 1)
     assert report["dropped"] == ([] if found.openness is not None else ["openness", "bent_normals"])
 
 
