@@ -101,7 +101,8 @@ def _remedy_in_bytes(
     vectors: torch.Tensor, encoded: Encoded, options: ClusterOptions, budget: Budget, form: Form
 ) -> Remedy | None:
     """Bytes that are enough, for clusters, components and formats that are chosen to fit."""
-    foretold = _foretold(vectors, encoded, options)
+    fewest = replace(encoded, weights_format="uint8", bases_format="uint8")
+    foretold = _foretold(vectors, fewest, options)
     size = 2 * budget.size
     if foretold is not None:
         components, (weights_format, bases_format) = foretold
