@@ -164,7 +164,7 @@ def _print_estimate(source: str, job: Job) -> dict:
         ["bounces from", "recomputed hits" if estimate.operator == "recompute" else "stored hits"],
         ["time", f"{estimate.seconds:.1f} s"],
         ["memory", size_text(estimate.memory_bytes)],
-        ["asset", size_text(estimate.asset_bytes)],
+        ["asset file", size_text(estimate.asset_bytes)],
     ]
     report = {"dry_run": True, "settings": settings.as_dict(), "estimate": estimate.as_dict()}
     if job.sampling is not None:

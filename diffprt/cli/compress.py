@@ -7,15 +7,16 @@ import typer
 from diffprt.cli.batch import Item, items, run_batch
 from diffprt.cli.from_options import from_options
 from diffprt.cli.outputs import BatchJson, check_output
+from diffprt.cli.parsing import parse_budget
 from diffprt.cli.paths import InputFiles, InputNames, OutputAssets, OutputReports
-from diffprt.cli.tables import size_text
+from diffprt.cli.tables import geometry_text, size_text
 from diffprt.cli.terminal import print
 from diffprt.errors import InputError
 from diffprt.options.compress import CompressOptions
 from diffprt.progress import status
 
 
-@from_options(CompressOptions)
+@from_options(CompressOptions, bytes=parse_budget)
 def run(
     source: InputNames = typer.Argument(
         ...,
@@ -55,12 +56,26 @@ def run(
             print(f"note: {counts['clusters_dropped']} clusters were dropped: no receiver is best served by them")
         drawn = f", overdraw {counts['overdraw']:.3f}" if "overdraw" in counts else ""
         print(
-            f"{output}: {counts['clusters']} clusters x {options.components} components, "
+            f"{output}: file {size_text(size)}, "
             f"signal {size_text(counts['bytes'])} (was {size_text(counts['bytes_before'])}), "
-            f"file {size_text(size)}, "
+            f"{counts['clusters']} clusters x {counts['components']} components, "
             f"error {100 * report['errors']['compression_relative']:.2f} %{drawn}"
         )
+        if options.bytes is not None:
+            print(f"chosen: {_chosen(report['form'], compressed.certificate)}")
+        elif report["form"]["geometry"] == 16:
+            print(f"geometry: {geometry_text(compressed.certificate)}")
+        for warning in report["warnings"]:
+            print(f"warning: {warning}")
         report["outputs"] = {"asset": str(output), "bytes": size}
         return report
 
     run_batch("compress", todo, reports, one)
+
+
+def _chosen(form: dict, certificate: dict) -> str:
+    """What a budget was spent on, in words."""
+    formats = f"weights in {form['weights_format']}, bases in {form['bases_format']}"
+    geometry = geometry_text(certificate) if form["geometry"] == 16 else "geometry in 32 bits"
+    names = " and ".join(name.replace("_", " ") for name in reversed(form["dropped"]))
+    return f"{formats}, {geometry}" + (f", without {names}" if names else "")

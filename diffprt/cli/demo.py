@@ -41,11 +41,11 @@ def run(
         [*rows, ["total", f"{total:.2f}", ""]],
     )
     print(
-        f"compressed {size_text(counts['bytes_baked'])} to {size_text(counts['bytes_compressed'])}, "
+        f"signal compressed from {size_text(counts['bytes_baked'])} to {size_text(counts['bytes_compressed'])}, "
         f"transfer error {100 * errors['compression_relative']:.2f} %, "
         f"picture {errors['compressed_psnr_db']:.1f} dB PSNR"
     )
     print(f"contact sheet: {result.sheet}")
-    print(f"page:          {result.page}  (open it in a browser)")
+    print(f"page:          {result.page}  ({size_text(counts['bytes_page'])}, open it in a browser)")
     report = {"timings": {**result.stages, "total": total}, "counts": counts, "errors": errors}
     write_report(json_file, "demo", {**report, "outputs": {"sheet": str(result.sheet), "page": str(result.page)}})

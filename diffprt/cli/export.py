@@ -11,7 +11,7 @@ import typer
 
 from diffprt.cli.from_options import field_option
 from diffprt.cli.outputs import JsonFile, check_output, write_report
-from diffprt.cli.parsing import parse_point
+from diffprt.cli.parsing import parse_budget, parse_point
 from diffprt.cli.paths import InputFile, InputNames, OutputFile, OutputFolder
 from diffprt.cli.tables import size_text
 from diffprt.cli.terminal import print
@@ -38,6 +38,7 @@ def run(
     uncompressed: InputFile = field_option(ExportOptions, "uncompressed"),
     before: InputFile = field_option(ExportOptions, "before"),
     versions: InputNames = field_option(ExportOptions, "versions", default=[], metavar="NAME=FILE"),
+    bytes: str = field_option(ExportOptions, "bytes"),
     glb: bool = typer.Option(False, "--glb", help="Also scene.glb, and prt.three.js with an example that shows it."),
     shaders: bool = typer.Option(False, "--shaders", help="Also its shaders as GLSL, GLSL ES, HLSL and WGSL."),
     json_file: OutputFile = JsonFile,
@@ -74,12 +75,14 @@ def run(
         curve=curve,
         title=title or source.stem,
         registers=registers,
+        bytes=parse_budget(bytes),
         versions={name: assets.load(path) for name, path in others.items()},
         uncompressed=None if uncompressed is None else assets.load(uncompressed),
         before=None if before is None else assets.load(before),
     )
-    parts = ", ".join(f"{name} {size_text(size)}" for name, size in report["parts"].items())
-    print(f"{report['path']}: {size_text(report['bytes'])} ({parts}); open it in a browser")
+    shown = {"page": "viewer"}
+    parts = ", ".join(f"{shown.get(name, name)} {size_text(size)}" for name, size in report["parts"].items())
+    print(f"{report['path']}: page {size_text(report['bytes'])} ({parts}); open it in a browser")
     small, told = replace(camera, width=64, height=64), {}
     for name, lit in lights.items():
         clipped = clipped_share(render(asset, lit, small), asset.elements.view(small).mask)
@@ -91,7 +94,7 @@ def run(
         report["glb"] = export_glb(asset, output / "scene.glb", lights=lights, name=title or source.stem)
         drawn = report["glb"]["kind"] in three_kinds()
         told = "example.html shows it with three.js" if drawn else "no three.js module draws it yet"
-        print(f"{report['glb']['path']}: {size_text(report['glb']['bytes'])}; {told}")
+        print(f"{report['glb']['path']}: file {size_text(report['glb']['bytes'])}; {told}")
         report["three"] = [str(path) for path in write_three(output)] if drawn else []
     if shaders:
         sizes = {} if registers is None else {"REGISTERS": registers}
@@ -101,7 +104,13 @@ def run(
         json_file,
         "export",
         {
-            "settings": {"lights": list(lights), "window": window, "curve": curve, "registers": registers},
+            "settings": {
+                "lights": list(lights),
+                "window": window,
+                "curve": curve,
+                "registers": registers,
+                "bytes": parse_budget(bytes),
+            },
             "timings": {"total": time.perf_counter() - begun},
             "counts": report.pop("counts"),
             "errors": asset.certificate,

@@ -7,9 +7,9 @@ from pathlib import Path
 import typer
 
 from diffprt.cli.outputs import JsonFile, check_ending, check_output, write_report
-from diffprt.cli.parsing import parse_bytes
+from diffprt.cli.parsing import parse_budget
 from diffprt.cli.paths import InputFile, OutputFile, OutputWithCheckpoint
-from diffprt.cli.tables import size_text
+from diffprt.cli.tables import geometry_text, size_text
 from diffprt.cli.terminal import print
 from diffprt.options import LOSSES, PARAMETERS
 from diffprt.progress import status, track
@@ -31,7 +31,8 @@ def run(
     steps: int = typer.Option(None, help="At most this many; 300 without --seconds."),
     seconds: float = typer.Option(None, help="Stop after about this long."),
     tolerance: float = typer.Option(None, help="Stop when held-out pictures have at most this relative error."),
-    size: str = typer.Option(None, "--bytes", help="What the signal may take, such as 2MB: numbers are stored to fit."),
+    size: str = typer.Option(None, "--bytes", help="What the file may take, such as 2MB: all is stored to fit."),
+    geometry: int = typer.Option(None, help="16 or 32 bits of positions and normals; chosen with --bytes."),
     batch: int = typer.Option(4, help="Pictures in each step."),
     learning_rate: float = typer.Option(0.05, help="Above 0, at most 1."),
     held_out: float = typer.Option(0.2, help="Share of the lights that is never trained on."),
@@ -61,7 +62,8 @@ def run(
         steps=steps,
         seconds=seconds,
         tolerance=tolerance,
-        bytes=None if size is None else parse_bytes(size),
+        bytes=parse_budget(size),
+        geometry=geometry,
         batch=batch,
         learning_rate=learning_rate,
         held_out=held_out,
@@ -78,8 +80,12 @@ def run(
     errors = report["errors"]
     print(
         f"{output}: error of {report['counts']['held_out']} held-out pictures {100 * errors['before']:.3f} % before, "
-        f"{100 * errors['after']:.3f} % after {report['counts']['steps']} steps, signal {size_text(result.nbytes)}, "
-        f"file {size_text(written)}"
+        f"{100 * errors['after']:.3f} % after {report['counts']['steps']} steps, "
+        f"file {size_text(written)}, signal {size_text(result.nbytes)}"
     )
+    if result.elements.bits == 16:
+        print(f"geometry: {geometry_text(result.certificate)}")
+    for name in report["dropped"]:
+        print(f"dropped, to have the bytes asked for: {name.replace('_', ' ')}")
     report["outputs"] = {"asset": str(output), "bytes": written}
     write_report(json_file, "optimize", report)

@@ -94,3 +94,8 @@ def parse_bytes(text: str) -> int:
     if not 1 <= count <= _MOST_BYTES:
         raise InputError(f"bytes is '{text}': give a size such as 500KB or 2MB")
     return count
+
+
+def parse_budget(text: str | None) -> int | None:
+    """A number of bytes, or None where no budget is given."""
+    return None if text is None else parse_bytes(text)

@@ -39,3 +39,11 @@ def size_text(count: float) -> str:
             return f"{count:.0f} {unit}" if unit == "B" else f"{count:.2f} {unit}"
         count /= 1000
     raise AssertionError
+
+
+def geometry_text(certificate: dict) -> str:
+    """What 16 bits do to geometry, by the entries of a certificate."""
+    moved, share = (certificate.get(f"geometry_displacement{end}") for end in ("", "_relative"))
+    if not isinstance(moved, float) or not isinstance(share, float):
+        return "geometry in 16 bits"
+    return f"geometry in 16 bits (positions move by at most {moved:.2g} units, {share:.1g} of the box's diagonal)"

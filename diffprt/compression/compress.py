@@ -4,21 +4,29 @@ from __future__ import annotations
 
 import math
 import time
+from functools import partial
 from typing import Any
 
 import torch
 
+from diffprt.compression.advice import advice
+from diffprt.compression.budget import Budget, Form
 from diffprt.compression.clustered import diffuse, glossy  # noqa: F401  their types register themselves
 from diffprt.compression.clustered.signal import CLUSTERED, ClusteredSignal
 from diffprt.compression.encode import encode, squared_errors
 from diffprt.compression.overdraw.overdraw import overdraw
 from diffprt.compression.overdraw.super_clusters import clusters_per_pass, super_clusters
 from diffprt.compression.prior import check_prior
+from diffprt.compression.to_bytes import encode_to_bytes
 from diffprt.errors import InputError
-from diffprt.options.compress import CompressOptions
+from diffprt.options.compress import ClusterOptions, CompressOptions
 from diffprt.options.keywords import takes
+from diffprt.representation.file_size import WIDEST, shapes_of, unmeasured
+from diffprt.representation.geometry import MEASURED, with_geometry
 from diffprt.transfer.at_receivers import TransferAtReceivers
 
+# Entries of the certificate, in the order in which `compression_error` gives them.
+ERRORS = ("compression_squared_error", "compression_relative", "compression_worst")
 _ROWS = 4096
 
 
@@ -55,22 +63,38 @@ def compress(transfer: TransferAtReceivers, options: CompressOptions) -> Cluster
     if options.registers is not None:
         outputs = math.prod(shape[1:-1])
         per_pass = clusters_per_pass(options.registers, components, channels=transfer.channels, outputs=outputs)
-    known = {"positions": transfer.receivers.positions, "faces": faces, "per_pass": per_pass, "prior": weights}
-    encoded = encode(vectors, **(vars(options) | known))
+    known: dict[str, Any] = {
+        "positions": transfer.receivers.positions,
+        "faces": faces,
+        "per_pass": per_pass,
+        "prior": weights,
+    }
+    known |= {"bytes": None, "geometry": None}
+    clustering = ClusterOptions(**(vars(options) | known))
+    settings = partial(_settings, options, clustering.chosen, prior)
+    budget = Budget(
+        size=options.bytes or 0,
+        kind=kind,
+        provenance=lambda form: transfer.provenance.also(
+            settings={"compress": settings(form, WIDEST, WIDEST)},
+            certificate=unmeasured(*ERRORS, *(MEASURED if form.geometry == 16 else ())),
+        ),
+        receivers=transfer.receivers,
+        signal_shape=tuple(shape),
+        beside=shapes_of(transfer.beside_signal),
+        geometry=options.geometry,
+        dtype=vectors.dtype,
+    )
+    if options.bytes is None:
+        encoded = encode(vectors, **vars(clustering))
+        bits = options.geometry or transfer.receivers.bits
+        form = Form(len(encoded.means), components, options.weights_format, options.bases_format, bits)
+    else:
+        encoded, form = encode_to_bytes(vectors, clustering, budget)
+        components = form.components
     found = len(encoded.means)
     squared = squared_errors(vectors, encoded)
-    kept_options = {
-        "clusters": options.clusters,
-        "components": components,
-        "method": encoded.method,
-        "seed": options.seed,
-        "start": options.start,
-        "weights_format": options.weights_format,
-        "bases_format": options.bases_format,
-        "coherence": encoded.counts.get("coherence"),
-        "registers": options.registers,
-        "prior": None if prior is None else prior.tolist(),
-    }
+    kept_options = settings(form, encoded.counts.get("coherence"), options.bytes)
     kept: dict[str, Any] = {
         "labels": encoded.labels,
         "means": encoded.means.reshape(found, *shape),
@@ -80,11 +104,11 @@ def compress(transfer: TransferAtReceivers, options: CompressOptions) -> Cluster
         "provenance": transfer.provenance.also(
             settings={"compress": kept_options}, certificate=compression_error(vectors, squared)
         ),
-        "weights_format": options.weights_format,
-        "bases_format": options.bases_format,
+        "weights_format": form.weights_format,
+        "bases_format": form.bases_format,
     }
-    kept.update(transfer.beside_signal)
-    compressed = kind(**kept)
+    kept.update(transfer.beside_signal if form.beside else {})
+    compressed = with_geometry(kind(**kept), form.geometry)
     if (report := options.report) is not None:
         report["timings"] = {**encoded.timings, "total": time.perf_counter() - begun}
         report["counts"] = {
@@ -103,7 +127,37 @@ def compress(transfer: TransferAtReceivers, options: CompressOptions) -> Cluster
         if weights is not None:
             weighted = float(squared_errors(vectors, encoded, weights).mean())
             report["errors"]["compression_squared_error_weighted"] = weighted
+        dropped = [] if form.beside else sorted(transfer.beside_signal)
+        report["form"] = {**vars(form), "clusters": found, "dropped": dropped}
+        del report["form"]["beside"]
+        report |= advice(vectors, encoded, clustering, budget, form)
     return compressed
+
+
+def _settings(
+    options: CompressOptions,
+    method: str,
+    prior: torch.Tensor | None,
+    form: Form,
+    coherence: float | None,
+    size: float | None,
+) -> dict:
+    """What the file says of how it was compressed; of its bytes and geometry where they are not as they always were."""
+    found = {
+        "clusters": options.clusters,
+        "components": form.components,
+        "method": method,
+        "seed": options.seed,
+        "start": options.start,
+        "weights_format": form.weights_format,
+        "bases_format": form.bases_format,
+        "coherence": coherence,
+        "registers": options.registers,
+        "prior": None if prior is None else prior.tolist(),
+    }
+    if options.bytes is not None:
+        found["bytes"] = size
+    return found if form.geometry == 32 else found | {"geometry": form.geometry}
 
 
 def clustered_kind(transfer: TransferAtReceivers) -> type[ClusteredSignal]:
@@ -126,8 +180,5 @@ def compression_error(vectors: torch.Tensor, squared: torch.Tensor) -> dict:
     rows = vectors.detach().split(_ROWS)  # no second copy of a signal that may fill the memory
     energy = float(torch.cat([part.square().sum(1, dtype=torch.float64) for part in rows]).mean())
     scale = energy**0.5 or 1.0
-    return {
-        "compression_squared_error": float(squared.mean()),
-        "compression_relative": float(squared.mean()) ** 0.5 / scale,
-        "compression_worst": float(squared.max()) ** 0.5 / scale,
-    }
+    mean, worst = float(squared.mean()), float(squared.max())
+    return dict(zip(ERRORS, (mean, mean**0.5 / scale, worst**0.5 / scale), strict=True))

@@ -85,15 +85,9 @@ def encode(vectors: torch.Tensor, options: ClusterOptions) -> Encoded:
     begun = time.perf_counter()
     count = int(found.labels.max()) + 1
     means, bases, weights = cluster_pca(weighted, found.labels, count, options.components)
-    if scale is not None:
-        means = means / scale
-        bases, weights = orthonormal(bases / scale, weights, found.labels)
-    if options.bases_format != "float32":
-        means = rounded(means[:, None], options.bases_format)[:, 0]
-        bases = rounded(bases, options.bases_format)
-        one = torch.ones_like(means[0]) if scale is None else scale
-        weights = least_squares(weighted, means * one, bases * one, found.labels)
-    weights = rounded(weights, options.weights_format, ranges=found.labels)
+    means, bases, weights = stored_form(
+        weighted, found.labels, (means, bases, weights), scale, options.weights_format, options.bases_format
+    )
     counts: dict = {"clusters_dropped": options.clusters - count, "iterations": found.iterations}
     if found.coherence is not None:
         counts["coherence"] = found.coherence
@@ -108,6 +102,35 @@ def encode(vectors: torch.Tensor, options: ClusterOptions) -> Encoded:
         counts,
         {**found.timings, "components": time.perf_counter() - begun},
     )
+
+
+def stored_form(
+    weighted: torch.Tensor,
+    labels: torch.Tensor,
+    fitted: tuple[torch.Tensor, torch.Tensor, torch.Tensor],
+    scale: torch.Tensor | None,
+    weights_format: str,
+    bases_format: str,
+) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+    """Means, bases and weights as they come back from storage.
+
+    Args:
+        weighted: float [V, D], the rows times `scale`.
+        labels: int64 [V].
+        fitted: means, bases and weights that `cluster_pca` found of them.
+        scale: float [D], roots of a prior; None without.
+        weights_format, bases_format: as in `CompressOptions`.
+    """
+    means, bases, weights = fitted
+    if scale is not None:
+        means = means / scale
+        bases, weights = orthonormal(bases / scale, weights, labels)
+    if bases_format != "float32":
+        means = rounded(means[:, None], bases_format)[:, 0]
+        bases = rounded(bases, bases_format)
+        one = torch.ones_like(means[0]) if scale is None else scale
+        weights = least_squares(weighted, means * one, bases * one, labels)
+    return means, bases, rounded(weights, weights_format, ranges=labels)
 
 
 def encoded_bytes(

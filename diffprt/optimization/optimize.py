@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import torch
@@ -29,7 +30,10 @@ from diffprt.optimization.training.trainer import Run, train
 from diffprt.optimization.transfer_loss import TransferLoss
 from diffprt.options.numbers import check_numbers
 from diffprt.options.optimize import LABEL_LOSSES, TRANSFER
-from diffprt.representation import Representation
+from diffprt.options.ranges import check_geometry
+from diffprt.representation import Provenance, Representation
+from diffprt.representation.file_size import WIDEST, size_in_file
+from diffprt.representation.geometry import with_geometry
 from diffprt.transfer.at_receivers import TransferAtReceivers
 
 # Views over which the transfer loss weighs receivers beside those of the references.
@@ -51,6 +55,7 @@ def optimize(
     seconds: float | None = None,
     tolerance: float | None = None,
     bytes: int | None = None,
+    geometry: int | None = None,
     batch: int = 4,
     learning_rate: float = 0.05,
     prior: torch.Tensor | None = None,
@@ -79,8 +84,10 @@ def optimize(
         steps: at most this many; 300 without `seconds`.
         seconds: stop after about this long.
         tolerance: stop when the relative RMSE of held-out pictures is at most this.
-        bytes: what the signal may take: components and formats are chosen to fit, on the asset's clusters, and fitted
-            to the target before training. Without, those of the asset are kept.
+        bytes: what the file may take: components and formats are chosen to fit, on the asset's clusters, and fitted
+            to the target before training; geometry is in 16 bits where that lowers the error, and openness is dropped
+            where it would be over 3 % or nothing else fits. Without, those of the asset are kept.
+        geometry: 32 or 16, bits of positions and normals in the file; the asset's own, or chosen with `bytes`.
         batch: pictures in each step.
         learning_rate: of Adam, above 0 and at most 1; with 1, a first step changes pictures by about their error.
         prior: float [K], mean square of each light coefficient; that of the lights trained on without.
@@ -88,7 +95,7 @@ def optimize(
         seed: of batches and of what is held out.
         checkpoint: file that is rewritten during the run; delete it once the result is saved.
         resume: go on from `checkpoint`; the result is that of an uninterrupted run (same machine and threads).
-        report: filled with settings, before, after, history, timings.
+        report: filled with settings, before, after, history, timings, and what was dropped for the bytes.
         track: as `diffprt.progress.track`, shows progress.
 
     Returns:
@@ -103,6 +110,7 @@ def optimize(
     if not 0 < learning_rate <= _LARGEST_RATE:
         raise InputError(f"learning_rate is {learning_rate}: give a number above 0 and at most 1, such as 0.05")
     check_numbers({"batch": batch, "held_out": held_out, "seed": seed})
+    check_geometry(geometry)
     schedule = Schedule.of(steps, seconds, tolerance)
     given, own = named_losses(("image" if target is None else TRANSFER) if loss is None else loss)
     terms = parse_loss(given, own)
@@ -125,7 +133,24 @@ def optimize(
         cameras = [entry.camera for entry in references] + random_cameras(asset.elements, _VIEWS, seed=seed)
         transfer_loss = TransferLoss(target, ImageNorm.of(asset.elements, cameras), prior)
         transfer_loss.check(asset)
-    start = asset if bytes is None else fit_to_bytes(asset, transfer_loss, bytes)
+    settings = {
+        "parameters": list(names),
+        "loss": terms,
+        "steps": schedule.steps,
+        "seconds": seconds,
+        "tolerance": tolerance,
+        "bytes": bytes,
+        "batch": batch,
+        "learning_rate": learning_rate,
+        "held_out": held_out,
+        "seed": seed,
+        "prior": prior.tolist(),
+    }
+    if bytes is None:
+        start = asset if geometry is None else with_geometry(asset, geometry)
+    else:
+        widest = partial(_described, errors=(WIDEST, WIDEST), settings=settings | {"bytes": WIDEST})
+        start = fit_to_bytes(asset, transfer_loss, bytes, widest, geometry)
     if "labels" in names:
         weights = {name: terms.get(name, 0.0) for name in LABEL_LOSSES}
         start = relabeled(start, _needed(transfer_loss, "labels"), **weights)
@@ -152,19 +177,6 @@ def optimize(
             light = trained.leaves.get("light")
             return pictures.error(trained.asset(), exposure=trained.exposure, lights=light)
 
-    settings = {
-        "parameters": list(names),
-        "loss": terms,
-        "steps": schedule.steps,
-        "seconds": seconds,
-        "tolerance": tolerance,
-        "bytes": bytes,
-        "batch": batch,
-        "learning_rate": learning_rate,
-        "held_out": held_out,
-        "seed": seed,
-        "prior": prior.tolist(),
-    }
     run_key = ""
     if checkpoint is not None:
         tensors = [leaf.detach() for leaf in trained.leaves.values()]
@@ -194,7 +206,7 @@ def optimize(
         outcome = Outcome(
             before=pictures.error(asset),
             after=pictures.error(finished, exposure=trained.exposure, lights=lights),
-            fits=bytes is None or asset.nbytes <= bytes,
+            fits=_fits(asset, bytes, geometry),
         )
         fallback = asset if outcome.fits else encoded(start, metric)
         if not outcome.fits:
@@ -202,6 +214,9 @@ def optimize(
         result = _labeled(finished, outcome, settings) if outcome.improved else fallback
     if report is not None:
         report |= _report(run, outcome, settings, pictures)
+        report["dropped"] = sorted(
+            name for name, kept in vars(asset).items() if kept is not None is getattr(result, name)
+        )
         if "light" in names:
             report["lights"] = (
                 lights if lights is not None and outcome.improved else pictures.distinct_lights
@@ -219,13 +234,22 @@ def _needed(loss: TransferLoss | None, name: str) -> TransferLoss:
     return loss
 
 
+def _fits(asset: Representation, size: int | None, geometry: int | None) -> bool:
+    """Whether the asset may be returned as it was given."""
+    return geometry in (None, asset.elements.bits) and (size is None or size_in_file(asset) <= size)
+
+
 def _labeled(asset, outcome: Outcome, settings: dict):
     """The asset with how it was made and its measured error."""
-    kept = {key: value for key, value in asset.certificate.items() if not key.startswith("compression")}
-    measured = {"optimized_image_relative": outcome.after, "optimized_image_relative_before": outcome.before}
+    return asset.labeled(_described(asset.provenance, (outcome.after, outcome.before), settings))
+
+
+def _described(provenance: Provenance, errors: tuple[float, float], settings: dict) -> Provenance:
+    """With settings, and errors after and before in place of those of compression."""
+    kept = {key: value for key, value in provenance.certificate.items() if not key.startswith("compression")}
+    measured = dict(zip(("optimized_image_relative", "optimized_image_relative_before"), errors, strict=True))
     finite = {name: error for name, error in measured.items() if math.isfinite(error)}
-    made = replace(asset.provenance, certificate={**kept, **finite})
-    return asset.labeled(made.also(settings={"optimize": settings}))
+    return replace(provenance, certificate={**kept, **finite}).also(settings={"optimize": settings})
 
 
 def _report(run: Run, outcome: Outcome, settings: dict, pictures: Pictures) -> dict:

@@ -15,6 +15,7 @@ from .keywords import takes as takes
 from .optimize import LOSSES as LOSSES
 from .optimize import PARAMETERS as PARAMETERS
 from .ranges import check_choice as check_choice
+from .ranges import check_geometry as check_geometry
 from .ranges import check_order as check_order
 from .ranges import check_threads as check_threads
 from .view import LIGHTS as LIGHTS

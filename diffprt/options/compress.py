@@ -7,7 +7,7 @@ from typing import Any
 
 from diffprt.errors import InputError
 from diffprt.options.numbers import check_numbers
-from diffprt.options.ranges import check_choice
+from diffprt.options.ranges import check_choice, check_geometry
 
 FORMATS = ("float32", "float16", "uint8")
 STARTS = ("k-means++", "hyper-box")
@@ -103,6 +103,14 @@ class CompressOptions:
     start: str = _option("k-means++", f"{', '.join(STARTS)}.")
     seed: int = _option(0, "Of the clustering's start.")
     iterations: int = _option(50, "Rounds of clustering, at most, and of subspaces after it.")
+    bytes: int | None = _option(
+        None,
+        "What the file may take, such as 2MB: components, formats, geometry and whether openness is kept are then "
+        "chosen, and clusters are at most those.",
+    )
+    geometry: int | None = _option(
+        None, "16: positions, normals and faces in 16 bits, 32: as they are.  [default: 32; chosen with --bytes]"
+    )
     prior: Any = None
     report: dict | None = None
 
@@ -110,6 +118,9 @@ class CompressOptions:
         check_numbers(vars(self))
         if self.method is not None and self.method not in METHODS:
             raise InputError(f"method '{self.method}' is unknown: use one of {', '.join(METHODS)}")
+        check_geometry(self.geometry)
+        if self.bytes is not None and self.registers is not None:
+            raise InputError("registers is given with bytes, which chooses components: give one of them")
         check_choice("weights_format", self.weights_format, FORMATS)
         check_choice("bases_format", self.bases_format, FORMATS)
 
@@ -133,6 +144,11 @@ class ClusterOptions(CompressOptions):
     positions: Any = None
     faces: Any = None
     per_pass: int | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.bytes is not None or self.geometry is not None:
+            raise InputError("bytes and geometry are of files, which rows of numbers have not: give them to compress")
 
     @property
     def chosen(self) -> str:

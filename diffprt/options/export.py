@@ -34,6 +34,8 @@ class ExportOptions:
         uncompressed: the transfer that was compressed: a version where it has 20 MB or less, and a heat map of each
             vertex's squared error.
         before: the asset before optimization, a version.
+        bytes: what the page, index.html, may take. Where all does not fit, the uncompressed version is left out first,
+            then components of clustered transfer; plain transfer is compressed on the way.
 
     Raises:
         InputError: no lights in `lights`, an unknown curve, or an exposure that is not positive.
@@ -62,6 +64,13 @@ class ExportOptions:
         },
     )
     before: Any = field(default=None, metadata={"help": "The asset before optimization (.prt), to compare with."})
+    bytes: int | None = field(
+        default=None,
+        metadata={
+            "help": "What the page may take, such as 2MB: components are left out to fit, and an asset that is not "
+            "compressed is compressed on the way."
+        },
+    )
 
     def __post_init__(self) -> None:
         if self.lights is not None and not self.lights:

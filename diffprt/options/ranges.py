@@ -34,3 +34,9 @@ def check_choice(what: str, value: str, choices: tuple[str, ...] | dict[str, obj
 def check_threads(threads: int | None) -> None:
     """Refuses a number of CPU threads below 1; None is all."""
     check_numbers({"threads": threads})
+
+
+def check_geometry(bits: int | None) -> None:
+    """Refuses geometry in other than 32 or 16 bits; None is left to the operation."""
+    if bits not in (None, 32, 16):
+        raise InputError(f"geometry is {bits}: give 32, or 16 for positions and normals in 16 bits")

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Collection
 from typing import ClassVar, Self
 
 import torch
 
+from diffprt.errors import InputError
 from diffprt.representation.moving import moved
 from diffprt.representation.spec import FLOATS, Spec
 from diffprt.representation.view import View
@@ -19,12 +21,14 @@ class Elements(ABC):
 
     Attributes:
         spec: their tensors, as they stand in files beside those of the representation.
+        bits: of positions and normals in files, 32 or 16.
         positions: float [E, 3], where each is, scene units.
         normals: float [E, 3], unit.
     """
 
     __dataclass_fields__: ClassVar[dict]
     spec: ClassVar[Spec]
+    bits: int = 32
     positions: torch.Tensor
     normals: torch.Tensor
 
@@ -47,6 +51,29 @@ class Elements(ABC):
     @abstractmethod
     def picked(self, rows: torch.Tensor) -> Self:
         """The elements `rows`, int64 [S], alone: they can be lit, not drawn. Gradients pass through."""
+
+    @classmethod
+    def file_spec(cls, names: Collection[str]) -> Spec:
+        """The tensors of a file that has some of these `names`: those of `spec`, or of a form in fewer bits."""
+        return cls.spec
+
+    def stored(self) -> dict[str, torch.Tensor]:
+        """Their tensors as a file holds them: in the one dtype that it has for them, where there is but one."""
+        held = {name: (getattr(self, name), tensor.dtypes) for name, tensor in self.spec.items()}
+        return {
+            name: values.to(getattr(torch, dtypes[0])) if len(dtypes) == 1 else values
+            for name, (values, dtypes) in held.items()
+        }
+
+    def in_bits(self, bits: int) -> Self:
+        """The same with positions and normals as they come back from a file of so many bits, 32 or 16.
+
+        Raises:
+            InputError: they have no form in 16 bits.
+        """
+        if bits == self.bits:
+            return self
+        raise InputError(f"{type(self).__name__} have no geometry in {bits} bits: leave geometry out, or give 32")
 
     @classmethod
     def restored(cls, tensors: dict[str, torch.Tensor]) -> Self:

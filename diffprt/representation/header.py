@@ -25,6 +25,7 @@ _REMEDY = "bake it again"
 # Entries of a certificate that begin so are measured: numbers, which rooms compute with.
 _MEASURED = (
     "noise_", "signal_", "expected_", "estimated_", "receivers_", "compression_", "convergence_", "optimized_",
+    "geometry_", "rays_",
 )  # fmt: skip
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -10,10 +11,12 @@ import numpy as np
 import torch
 
 from diffprt.errors import InputError
+from diffprt.options.ranges import check_geometry
 from diffprt.representation.elements import Elements
 from diffprt.representation.spec import Spec, TensorSpec
 from diffprt.representation.view import View
 from diffprt.scene.camera import Camera
+from diffprt.surface.few_bits import BOX, FEW_BITS, from_few_bits, to_few_bits
 from diffprt.surface.raster import triangles_in_view
 
 _SCRAMBLE_CELLS = 1 << 20
@@ -31,6 +34,7 @@ class Receivers(Elements):
         faces: int64 [F, 3] into the receivers; [0, 3] when the receivers are not a surface.
         transmission: float32 [V] in [0, 1] where some surfaces are translucent (`Material.transmission`), else None.
             It plays its part in tracing and is not saved in assets.
+        bits: of positions, normals and albedo in files, 32 or 16 (`diffprt.surface.few_bits`).
     """
 
     spec: ClassVar[Spec] = {
@@ -45,6 +49,7 @@ class Receivers(Elements):
     albedo: torch.Tensor
     faces: torch.Tensor
     transmission: torch.Tensor | None = None
+    bits: int = 32
 
     def __post_init__(self) -> None:
         count = len(self.positions)
@@ -84,8 +89,29 @@ class Receivers(Elements):
         return Receivers(positions, normals, albedo, torch.zeros((0, 3), dtype=torch.int64), transmission)
 
     @classmethod
+    def file_spec(cls, names: Collection[str]) -> Spec:
+        return FEW_BITS if BOX in names else cls.spec
+
+    def stored(self) -> dict[str, torch.Tensor]:
+        if self.bits == 32:
+            return super().stored()
+        return to_few_bits(self.positions, self.normals, self.albedo, self.faces)
+
+    @classmethod
     def restored(cls, tensors: dict[str, torch.Tensor]) -> Receivers:
-        return cls(**{**tensors, "faces": tensors["faces"].to(torch.int64)})
+        if BOX in tensors:
+            found = from_few_bits(tensors)
+            return cls(found["positions"], found["normals"], found["albedo"], found["faces"], bits=16)
+        own = {**tensors, "faces": tensors["faces"].to(torch.int64)}
+        return cls(**own)  # pyright: ignore[reportArgumentType]
+
+    def in_bits(self, bits: int) -> Receivers:
+        """The same as they come back from a file of so many bits, 32 or 16; no gradients pass through 16."""
+        check_geometry(bits)
+        if bits == 32 or self.bits == 16:
+            return replace(self, bits=bits)
+        rounded = from_few_bits(to_few_bits(self.positions, self.normals, self.albedo, self.faces))
+        return replace(self, bits=16, **rounded)
 
     def view(self, camera: Camera, *, threads: int | None = None) -> View:
         """The corners of the triangle at each pixel center, with perspective-correct weights."""
@@ -144,7 +170,7 @@ class Receivers(Elements):
         """Some of the receivers, int64 [S], without triangles."""
         through = None if self.transmission is None else self.transmission[pick]
         empty = torch.zeros((0, 3), dtype=torch.int64)
-        return Receivers(self.positions[pick], self.normals[pick], self.albedo[pick], empty, through)
+        return Receivers(self.positions[pick], self.normals[pick], self.albedo[pick], empty, through, self.bits)
 
     def origins(self, offset: float) -> torch.Tensor:
         """Where rays start, float32 [V, 3]: `offset` above the surface, and as much inwards from its border.

@@ -1,6 +1,7 @@
 """Training: it lowers the error of pictures never seen, stops as it should, and resumes as if nothing had happened."""
 
 import dataclasses
+import re
 
 import pytest
 import torch
@@ -86,10 +87,11 @@ def test_every_loss_has_gradients(references, small, loss):
 
 
 def test_a_budget_is_kept_and_used(bumpy_transfer, references, small, tmp_path):
-    size = small.nbytes
+    size = save(small, tmp_path / "small.prt")
     report: dict = {}
-    fitted = optimize(small, references, target=bumpy_transfer, bytes=size, steps=20, report=report)
-    assert 0.8 * size < fitted.nbytes <= size
+    # Geometry as it is, so that as many components fit as the same signal bytes hold.
+    fitted = optimize(small, references, target=bumpy_transfer, bytes=size, geometry=32, steps=20, report=report)
+    assert 0.9 * size < save(fitted, tmp_path / "a.prt") <= size and fitted.receivers.bits == 32
     assert fitted.weights_format == "uint8" and fitted.components > small.components
     plain = compress(
         bumpy_transfer,
@@ -109,8 +111,9 @@ def test_a_budget_is_kept_and_used(bumpy_transfer, references, small, tmp_path):
     assert float(expected(fitted)) < 0.97 * float(expected(plain)), "same clusters and components"
     save(fitted, tmp_path / "a.prt")
     assert torch.allclose(load(tmp_path / "a.prt").decode().diffuse, fitted.decode().diffuse, atol=1e-5)
-    tight = optimize(small, references, target=bumpy_transfer, bytes=size // 3, steps=20, report=report)
-    assert tight.nbytes <= size // 3 and report["errors"]["after"] <= report["errors"]["closed_form"]
+    tight = optimize(small, references, target=bumpy_transfer, bytes=size // 2, steps=20, report=report)
+    assert save(tight, tmp_path / "b.prt") <= size // 2
+    assert report["errors"]["after"] <= report["errors"]["closed_form"]
 
 
 def test_nothing_worse_is_returned(bumpy_transfer, references):
@@ -195,5 +198,34 @@ def test_a_target_of_another_mesh_or_a_compressed_one_is_refused(bumpy_transfer,
     other = bumpy_transfer.with_signal(bumpy_transfer.diffuse[:, :1])
     with pytest.raises(InputError, match="the target's signal"):
         optimize(small, references, target=other)
-    with pytest.raises(InputError, match="one component"):
+    with pytest.raises(InputError, match="one component of 6 clusters"):
         optimize(small, references, target=bumpy_transfer, bytes=1000)
+
+
+@pytest.mark.parametrize("share", [0.75, 0.9, 1.5])
+def test_the_written_file_keeps_the_bytes(bumpy_transfer, references, small, tmp_path, share):
+    size = int(share * save(small, tmp_path / "small.prt"))
+    report: dict = {}
+    found = optimize(small, references, target=bumpy_transfer, bytes=size, steps=3, report=report)
+    assert 0.93 * size < save(found, tmp_path / "a.prt") <= size
+    assert found.receivers.bits == (16 if share < 1 else 32), "nothing is given up where the error is small already"
+    assert ("geometry_displacement" in found.certificate) == (share < 1)
+    assert report["dropped"] == ([] if found.openness is not None else ["openness", "bent_normals"])
+
+
+def test_the_least_that_is_named_is_the_least(bumpy_transfer, references, small, tmp_path):
+    run = {"target": bumpy_transfer, "steps": 2}
+    with pytest.raises(InputError, match="bytes is 5000, the least file takes") as caught:
+        optimize(small, references, bytes=5000, **run)
+    least = int(re.search(r"takes (\d+)", str(caught.value))[1])
+    assert least - 300 < save(optimize(small, references, bytes=least, **run), tmp_path / "a.prt") <= least
+    with pytest.raises(InputError, match=f"the least file takes {least} "):
+        optimize(small, references, bytes=least - 1, **run)
+
+
+def test_geometry_in_sixteen_bits_on_request(references, small, tmp_path):
+    found = optimize(small, references, geometry=16, steps=3)
+    save(found, tmp_path / "a.prt")
+    assert found.receivers.bits == load(tmp_path / "a.prt").receivers.bits == 16
+    with pytest.raises(InputError, match="geometry is 24"):
+        optimize(small, references, geometry=24, steps=3)

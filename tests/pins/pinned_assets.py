@@ -25,6 +25,7 @@ from diffprt.brdf import GGX, CookTorrance, Lambert, ModifiedPhong, Phong
 from diffprt.compression import FORMATS, METHODS, light_prior
 from diffprt.planning import plan
 from diffprt.representation import Provenance
+from diffprt.representation.file_size import size_in_file
 from diffprt.scene import Material, Mesh, builtin_environment, builtin_scene
 from diffprt.transfer import GlossyTransfer, bake_glossy
 
@@ -127,7 +128,7 @@ def optimized_assets(bakes: dict[str, Asset], clustered: dict[str, Asset]) -> di
     return {
         "target": optimize(start, seen, target=diffuse, **run),
         "target, small": optimize(small, seen, target=diffuse, **run),
-        "bytes": optimize(start, seen, target=diffuse, bytes=start.nbytes // 3, **run),
+        "bytes": optimize(start, seen, target=diffuse, bytes=size_in_file(start) // 2, **run),
         "pictures": optimize(start, seen, loss="image + 0.1*ssim", parameters=["means", "weights"], **run),
         "labels": optimize(
             clustered["hyper-box"],
@@ -142,7 +143,7 @@ def optimized_assets(bakes: dict[str, Asset], clustered: dict[str, Asset]) -> di
         "albedo and exposure": optimize(dark, seen, parameters=["albedo", "exposure"], loss="log", **run),
         "glossy, target": optimize(clustered["glossy"], shiny, target=glossy, **run),
         "glossy, bytes": optimize(
-            clustered["glossy"], shiny, target=glossy, bytes=clustered["glossy"].nbytes // 2, **run
+            clustered["glossy"], shiny, target=glossy, bytes=4 * size_in_file(clustered["glossy"]) // 5, **run
         ),
         "glossy, pictures": optimize(clustered["glossy"], shiny, **run),
     }

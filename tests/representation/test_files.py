@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 import safetensors.torch
 import torch
+from hostile import hostile
 
 from diffprt.brdf import GGX, brdf_of
 from diffprt.compression import ClusteredGlossyTransfer, ClusteredTransfer, compress
@@ -209,16 +210,6 @@ def test_flipped_bytes_never_crash(request, kind, tmp_path):
             refused += 1
             assert "\n" not in str(error)
     assert refused > 100
-
-
-def hostile(path, change) -> None:
-    """Rewrites an asset's header and tensors through `change(header, tensors)`."""
-    with safetensors.safe_open(path, framework="pt") as file:
-        header = json.loads(file.metadata()["diffprt"])
-    tensors = safetensors.torch.load_file(path)
-    change(header, tensors)
-    tensors = {name: tensor.contiguous() for name, tensor in tensors.items()}
-    safetensors.torch.save_file(tensors, path, metadata={"diffprt": json.dumps(header)})
 
 
 @pytest.mark.parametrize(

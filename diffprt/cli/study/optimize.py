@@ -45,7 +45,7 @@ def run(
 
 
 def print_optimization(report: dict) -> None:
-    columns = ["method", "clusters", "P", "weights", "bases", "bytes", "overdraw", "error"]
+    columns = ["method", "clusters", "P", "weights", "bases", "signal", "overdraw", "error"]
     groups: dict[tuple, list[dict]] = {}
     for row in report["rows"]:
         groups.setdefault((row["scene"], row["brdf"], *row["setting"]), []).append(row)

@@ -78,7 +78,7 @@ def _print_overdraw_rows(rows: list[dict]) -> None:
         table.append([f"thesis: {line.method}", *cells])
     channels = ", RGB" if some["channels"] == 3 else ""
     beside = f", beside the thesis's table 5.{printed.number}" if printed else ""
-    columns = ["method", "CPU s", "overdraw", "error", "over original", "image", "bytes"]
+    columns = ["method", "CPU s", "overdraw", "error", "over original", "image", "signal"]
     print_table(f"{some['scene']}, {some['brdf']}{channels}, {some['clusters']} clusters{beside}", columns, table)
     table = [
         [name, *(f"{row['super_clusters'][b][way]['overdraw']:.3f}" for b in budgets for way in ("greedy", "search"))]

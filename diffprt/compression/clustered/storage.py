@@ -40,8 +40,7 @@ def to_tensors(
     Weights have a range for each cluster and component, bases for each of theirs, means for each cluster.
     """
     whole = {"means": means, "bases": bases, "weights": weights}
-    dtype = next(t for t in _LABEL_TYPES if len(means) <= torch.iinfo(t).max + 1)
-    tensors = {"labels": labels.to(dtype)}
+    tensors = {"labels": labels.to(_label_type(len(means)))}
     for name, values, format, ranges in (
         ("means", means.flatten(1)[:, None], bases_format, None),
         ("bases", bases, bases_format, None),
@@ -55,6 +54,34 @@ def to_tensors(
         if format == "uint8":
             tensors |= {f"{name}_offsets": stored.offsets, f"{name}_steps": stored.steps}
     return tensors
+
+
+def stored_shapes(
+    receivers: int,
+    clusters: int,
+    components: int,
+    signal: tuple[int, ...],
+    weights_format: str,
+    bases_format: str,
+    dtype: torch.dtype = torch.float32,
+) -> dict[str, tuple[torch.dtype, tuple[int, ...]]]:
+    """Dtype and shape of what `to_tensors` makes, of signals of shape `signal` in `dtype` where bits are not saved."""
+    codes = {"float32": dtype, "float16": torch.float16, "uint8": torch.uint8}
+    found: dict[str, tuple[torch.dtype, tuple[int, ...]]] = {
+        "labels": (_label_type(clusters), (receivers,)),
+        "means": (codes[bases_format], (clusters, *signal)),
+        "bases": (codes[bases_format], (clusters, components, *signal)),
+        "weights": (codes[weights_format], (receivers, components)),
+    }
+    ranges = {"means": (bases_format, 1), "bases": (bases_format, components), "weights": (weights_format, components)}
+    for name, (format, columns) in ranges.items():
+        if format == "uint8":
+            found |= {f"{name}_{part}": (torch.float32, (clusters, columns)) for part in ("offsets", "steps")}
+    return found
+
+
+def _label_type(clusters: int) -> torch.dtype:
+    return next(t for t in _LABEL_TYPES if clusters <= torch.iinfo(t).max + 1)
 
 
 def from_tensors(tensors: dict[str, torch.Tensor]) -> dict:

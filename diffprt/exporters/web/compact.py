@@ -16,9 +16,10 @@ from typing import Any
 
 import numpy as np
 
+from diffprt.surface.octahedral import octahedral
+
 _LEVEL = 6  # of deflate: the file is a few percent larger than at 9, in a fraction of the time
 _MOST_CODE = 65535
-_OCTAHEDRAL = 32767
 # Rows of these follow each other over the surface.
 _COHERENT = ("positions", "albedo", "normals", "indices", "labels")
 
@@ -75,23 +76,3 @@ def _halves(rows: np.ndarray) -> tuple[np.ndarray, dict[str, Any]]:
     exponent = math.frexp(largest)[1] - 14 if largest > 0 and math.isfinite(largest) else 0
     halves = np.ldexp(rows.astype(np.float64), -exponent).astype(np.float16)
     return halves.view(np.uint16), {"as": "half", "scale": math.ldexp(1.0, exponent)}
-
-
-def octahedral(normals: np.ndarray) -> np.ndarray:
-    """Codes uint16 [V, 2] of unit vectors [V, 3]: z and x on the octahedron whose lower half, y < 0, is folded out.
-
-    The sign of z is kept exactly: it chooses a glossy vertex's axes (`diffprt.transfer.glossy.mirrored`).
-    """
-    wide = normals.astype(np.float64)
-    size = np.abs(wide).sum(axis=1, keepdims=True)
-    wide = np.where(size > 0, wide / np.where(size > 0, size, 1.0), (0.0, 1.0, 0.0))
-    flat = wide[:, [2, 0]]
-    signs = np.where(flat < 0, -1.0, 1.0)
-    below = wide[:, 1] < 0
-    folded = np.where(below[:, None], (1 - np.abs(flat[:, ::-1])) * signs, flat)
-    codes = np.rint(folded * _OCTAHEDRAL)
-    # Rounding must neither bring a negative z to zero nor the other one to the corner where z is zero.
-    negative = flat[:, 0] < 0
-    codes[negative, 0] = np.minimum(codes[negative, 0], -1)
-    codes[negative, 1] = np.clip(codes[negative, 1], 1 - _OCTAHEDRAL, _OCTAHEDRAL - 1)
-    return (codes + _OCTAHEDRAL).astype(np.uint16)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import html
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +16,10 @@ from diffprt.exporters.packers.registry import pack
 from diffprt.exporters.web.arrays import ArrayStore, version_entry
 from diffprt.exporters.web.fallback_picture import fallback_picture
 from diffprt.exporters.web.lights import default_light
+from diffprt.exporters.web.page_content import Page
 from diffprt.exporters.web.template import fill_template, joined_scripts, page_source, script_json, shader_elements
 from diffprt.exporters.web.versions import collect
+from diffprt.exporters.web.within_bytes import shrunk
 from diffprt.options import CURVES, ExportOptions, takes
 from diffprt.rendering import PictureWindow
 from diffprt.rendering.exposure import white
@@ -26,6 +27,9 @@ from diffprt.representation import Representation
 from diffprt.scene import Light
 from diffprt.scene.camera import Camera
 from diffprt.whole_file import make_folder, write_whole
+
+# Bytes of a signal beside those that it has deflated, at most.
+_MOST_DEFLATED = 8
 
 
 @takes(ExportOptions)
@@ -68,20 +72,32 @@ def export(asset: Representation, directory: str | Path, options: ExportOptions)
     }
 
 
-@dataclass(frozen=True)
-class Page:
-    """A page, the camera it opens with, and what `export` reports of it."""
-
-    content: bytes
-    camera: Camera
-    parts: dict[str, int]
-    counts: dict[str, int]
-    programs: tuple[str, ...]
-    left_out: tuple[str, ...]
-
-
 def page_of(asset: Representation, options: ExportOptions) -> Page:
-    """The page of `export`: what is shown first, versions, lights and facts around the arrays."""
+    """The page of `export`, of at most `options.bytes`, where that is given."""
+    size = options.bytes
+    if size is None:
+        return _page(asset, options)
+    # So much does not fit, and may be more than can be packed at all.
+    if asset.compressed or asset.nbytes <= _MOST_DEFLATED * size:
+        page = _page(asset, options)
+        if len(page.content) > size and options.uncompressed is not None:
+            page = _page(asset, options, compared=False)
+        if len(page.content) <= size:
+            return page
+    return shrunk(asset, size, lambda smaller, left: _page(smaller, options, compared=False, left_out=left))
+
+
+def _page(
+    asset: Representation, options: ExportOptions, *, compared: bool = True, left_out: tuple[str, ...] = ()
+) -> Page:
+    """What is shown first, versions, lights and facts around the arrays.
+
+    Args:
+        asset: shown first.
+        options: of the page.
+        compared: whether it may hold the uncompressed transfer as a version.
+        left_out: in words, of the asset.
+    """
     packed = pack(asset)
     positions = asset.elements.positions
     counts = {"vertices": len(positions), "triangles": len(packed.geometry["indices"])}
@@ -91,7 +107,7 @@ def page_of(asset: Representation, options: ExportOptions) -> Page:
         raise InputError(f"a {asset.name} answers to no distant light, which the page turns: render it instead")
     lights = {"Sky and sun": default_light(asset.order)} if options.lights is None else options.lights
     _check_lights(lights, asset.order)
-    collected = collect(asset, packed, options)
+    collected = collect(asset, packed, options, compared=compared)
     own = next(iter(collected.packed.values()))
     camera = options.camera or Camera.framing(asset.elements.subject)
     title = options.title or "diffprt"
@@ -153,7 +169,7 @@ def page_of(asset: Representation, options: ExportOptions) -> Page:
     # A title may hold bytes that are no text, from a file name.
     content = page.encode("utf-8", "replace")
     parts = {**store.bytes, "page": len(content) - sum(store.bytes.values())}
-    return Page(content, camera, parts, counts, own.programs, collected.left_out)
+    return Page(content, camera, parts, counts, own.programs, (*left_out, *collected.left_out))
 
 
 def _check_lights(lights: Mapping[str, Light], order: int) -> None:

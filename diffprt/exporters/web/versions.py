@@ -32,13 +32,14 @@ class Versions:
     left_out: tuple[str, ...]
 
 
-def collect(asset: Representation, packed: Packed, options: ExportOptions) -> Versions:
+def collect(asset: Representation, packed: Packed, options: ExportOptions, *, compared: bool = True) -> Versions:
     """The asset's versions; see `export`.
 
     Args:
         asset: the asset itself.
         packed: the same, for one pass.
         options: of the page.
+        compared: whether the uncompressed transfer may be a version; its errors are kept either way.
 
     Raises:
         InputError: a version has other geometry or another order, a name is taken, `uncompressed` is compressed, or
@@ -51,7 +52,9 @@ def collect(asset: Representation, packed: Packed, options: ExportOptions) -> Ve
     if options.uncompressed is not None:
         error = _squared_error(asset, options.uncompressed)
         size = options.uncompressed.signal.numel() * 4
-        if size <= MOST_UNCOMPRESSED_BYTES:
+        if not compared:
+            left_out.append("uncompressed transfer as a version, for the page to have the bytes asked for")
+        elif size <= MOST_UNCOMPRESSED_BYTES:
             given["Uncompressed"] = options.uncompressed
         else:
             left_out.append(
@@ -96,7 +99,9 @@ def _squared_error(asset: Representation, uncompressed: Representation) -> np.nd
 
 
 def _check_same(name: str, asset: Representation, version: Representation) -> None:
-    ours, theirs = asset.elements.positions, version.elements.positions
+    # One of them may have been rounded already.
+    bits = min(asset.elements.bits, version.elements.bits)
+    ours, theirs = (one.elements.in_bits(bits).positions for one in (asset, version))
     if not torch.equal(ours, theirs):
         raise InputError(
             f"version '{name}' has {len(theirs)} vertices that are not the asset's {len(ours)}: "

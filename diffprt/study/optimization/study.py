@@ -19,7 +19,7 @@ from diffprt.brdf import parse_brdf
 from diffprt.compression import compress, light_prior
 from diffprt.compression.encode import encoded_bytes
 from diffprt.optimization import ImageNorm, References, TransferLoss, make_references, optimize, random_cameras
-from diffprt.optimization.formats import encoded, fit_to_bytes
+from diffprt.optimization.formats import encoded, fit_to_signal_bytes
 from diffprt.optimization.references.checks import check_references
 from diffprt.optimization.references.pictures import Pictures
 from diffprt.scene import Light, load_scene
@@ -186,10 +186,11 @@ def _rows(
     yield row(CLOSED, lambda: best(forms, lambda asset: asset.overdraw() <= limit))
     yield row(CLOSED_SMALL, lambda: _quantized(transfer, clusters, size, methods, prior, loss, limit))
     starts = [asset for asset in (assets[CLOSED], assets[CLOSED_SMALL], lbg) if asset.overdraw() <= limit]
-    yield row(FITTED_SMALL, lambda: best(encoded(fit_to_bytes(start, loss, size), loss.metric) for start in starts))
+    fitted = [encoded(fit_to_signal_bytes(start, loss, size), loss.metric) for start in starts]
+    yield row(FITTED_SMALL, lambda: best(fitted))
     train = partial(optimize, references=setting.trained, target=transfer, steps=steps)
     yield row(OURS, lambda: train(assets[CLOSED]))
-    last = row(OURS_SMALL, lambda: best(train(start, bytes=size) for start in starts))
+    last = row(OURS_SMALL, lambda: best(map(train, fitted)))
     name = f"{setting.scene}_{setting.brdf.partition(':')[0]}_{clusters}x{components}.png"
     entry = setting.held.entries[0]
     optimization_sheet(output / name, assets, (LBG, OURS, LBG_SMALL, OURS_SMALL), entry, judge.views[0])
