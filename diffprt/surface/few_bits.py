@@ -60,6 +60,8 @@ def from_few_bits(tensors: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:
             f"albedo has {len(albedo)} rows of {str(albedo.dtype).removeprefix('torch.')} beside {count} receivers: "
             "give 1 of float32, or one for each of uint16 with their range"
         )
+    if not ranged and not bool(((albedo >= 0) & (albedo <= 1)).all()):
+        raise InputError(f"albedo reaches from {float(albedo.min()):.6g} to {float(albedo.max()):.6g}: give 0 to 1")
     return {
         "positions": _from_fixed_point(tensors["positions"], tensors[BOX]),
         "normals": torch.from_numpy(unfolded(tensors["normals"].numpy())),
