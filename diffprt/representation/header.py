@@ -19,7 +19,7 @@ KEY = "diffprt"
 VERSION = 1
 _ENTRIES = {"type": str, "scene_hash": str, "settings": dict, "plan": dict, "certificate": dict, "conventions": dict}
 _LARGEST = 1 << 20
-_LONGEST_HASH = 128
+_LONGEST = 128
 _LETTERS = {"BF": "bfloat", "F": "float", "U": "uint", "I": "int"}
 _REMEDY = "bake it again"
 # Entries of a certificate that begin so are measured: numbers, which rooms compute with.
@@ -90,10 +90,9 @@ def wrong_header(header: dict) -> str:
         if not isinstance(header.get(name), kind):
             found = f"a {type(header[name]).__name__}" if name in header else "missing"
             return f"{name} is {found}, wanted a {kind.__name__}"
-    if not header["type"].isprintable():
-        return "type is not printable"
-    if len(header["scene_hash"]) > _LONGEST_HASH or not header["scene_hash"].isprintable():
-        return f"scene_hash is no text of at most {_LONGEST_HASH} printable characters"
+    for name in ("type", "scene_hash"):
+        if len(header[name]) > _LONGEST or not header[name].isprintable():
+            return f"{name} is no text of at most {_LONGEST} printable characters"
     return ""
 
 

@@ -126,11 +126,14 @@ def is_sound(path: Path, folder: Path, number: int) -> bool:
         assert "\n" not in str(error) and len(str(error)) < 1500, error
         return False
     light = REPRESENTATIONS[asset.name].lights(1.0, 0.5)
-    camera = Camera.framing(asset.elements.positions, width=12, height=8)
+
+    def camera() -> Camera:
+        return Camera.framing(asset.elements.positions, width=12, height=8)
+
     tries = [
         lambda: save(asset, folder / "again.prt"),
-        lambda: shade(asset, light, torch.tensor(camera.eye).float()),
-        lambda: render(asset, light, camera),
+        lambda: shade(asset, light, torch.tensor(camera().eye).float()),
+        lambda: render(asset, light, camera()),
         lambda: export(asset, folder / "page"),
         lambda: compress(asset.decode(), clusters=3, components=2, iterations=2),
     ]
@@ -170,7 +173,7 @@ def test_mutants_are_refused_in_one_line_or_sound(seeds, kind, what, tmp_path):
             tensor_mutated(held, generator)
         write(tmp_path / "x.prt", changed, held)
         refused += not is_sound(tmp_path / "x.prt", tmp_path, number)
-    assert refused > CASES // 8
+    assert refused >= CASES // 8
 
 
 @pytest.mark.parametrize(
