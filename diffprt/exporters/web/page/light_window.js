@@ -20,6 +20,9 @@ export function windowed(coefficients, name) {
   return coefficients.map((value, i) => FACTORS[name](bandOf(Math.floor(i / 3)) / order) * value);
 }
 
+// A light as its sky is drawn: through a Hann window where it rings.
+export const asSeen = (coefficients, rings) => (rings ? windowed(coefficients, "hann") : coefficients);
+
 // The brightest channel of a light in any direction, on a grid.
 export function peakOf(coefficients) {
   const order = Math.round(Math.sqrt(coefficients.length / 3));

@@ -1,5 +1,6 @@
 // The panel: reads and shows the state, and tells `actions` what the reader asked for.
 import { drawBall } from "./light_ball.js";
+import { asSeen } from "./light_window.js";
 
 const element = (id) => document.getElementById(id);
 const PATH_NAMES = { single: "One pass", passes: "Passes" };
@@ -19,7 +20,7 @@ export class Panel {
     this.versions = manifest.versions;
     this.facts = manifest.facts;
     this.showFacts(manifest);
-    manifest.lights.forEach(({ name, coefficients }) => this.addLight(name, Float32Array.from(coefficients)));
+    manifest.lights.forEach(({ name, coefficients, rings }) => this.addLight(name, asSeen(coefficients, rings)));
     this.buildVersions();
     this.choice("heat", ["none", ...heatMaps].map((name) => [name, HEAT_NAMES[name]]), actions.setHeat);
     this.choice("path", paths.map((name) => [name, PATH_NAMES[name]]), actions.setPath);

@@ -2,7 +2,7 @@
 import { listenForFiles } from "./drop.js";
 import { FrameClock } from "./frame_clock.js";
 import { showLegend } from "./legend.js";
-import { peakOf, windowed } from "./light_window.js";
+import { asSeen, peakOf } from "./light_window.js";
 import { lightTurn } from "./matrix.js";
 import { showMessage } from "./message.js";
 import { Orbit } from "./orbit.js";
@@ -160,13 +160,13 @@ export class Viewer {
   addLight(name, coefficients, rings) {
     const mean = (light) => Math.abs(light[0] + light[1] + light[2]);
     const { white, exposure } = this.manifest;
-    const peak = peakOf(rings ? windowed(coefficients, "hann") : coefficients) * exposure;
+    const peak = peakOf(asSeen(coefficients, rings)) * exposure;
     const alike = mean(coefficients) > 0 ? mean(this.lights[0]) / mean(coefficients) : 1;
     const factor = peak > 0 ? Math.min(alike, white[this.state.curve] / peak) : alike;
     const light = coefficients.map((value) => value * factor);
     this.lights.push(light);
     this.ringing.push(rings);
-    this.panel.addLight(name, light);
+    this.panel.addLight(name, asSeen(light, rings));
     this.setLight(light, this.lights.length - 1);
   }
 
@@ -250,7 +250,7 @@ export class Viewer {
     if (this.lightChanged) {
       // Harmonics of an order are whole bands: fewer of the light's are as good as fewer of the transfer's.
       const light = shRotate(state.light, state.turn).fill(0, 3 * state.order ** 2);
-      this.renderer.setLight(light, this.ringing[state.lightIndex] ? windowed(light, "hann") : light);
+      this.renderer.setLight(light, asSeen(light, this.ringing[state.lightIndex]));
       this.lightChanged = false;
     }
     const size = this.fixedSize ?? { width: canvas.clientWidth || 1, height: canvas.clientHeight || 1 };
