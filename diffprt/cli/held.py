@@ -5,6 +5,7 @@ from __future__ import annotations
 from contextlib import ExitStack
 from pathlib import Path
 
+from diffprt.cli.terminal import print
 from diffprt.lock import locked
 
 _held: dict[Path, ExitStack] = {}

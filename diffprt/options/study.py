@@ -96,8 +96,9 @@ class WindowOptions(StudyOptions):
         ("builtin:bunny+ground", "builtin:sphere+ground", "builtin:bowl+ground", "builtin:cornell"),
         "Scene files or builtin:NAME, with +ground for one; may be repeated.",
         "--scene",
+        reads=True,
     )
-    maps: Sequence[str] = _option(("sky", "studio"), "Maps; may be repeated.", "--map")
+    maps: Sequence[str] = _option(("sky", "studio"), "Maps; may be repeated.", "--map", reads=True)
     turns: Sequence[int] = _option((0, 72, 144, 216, 288), "Turns of every map, degrees; may be repeated.", "--turn")
     order: int = _option(6, "SH bands of the asset.")
     rays: int = _option(512, "Rays per receiver.")

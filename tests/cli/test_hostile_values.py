@@ -64,7 +64,7 @@ WORKING = {
         f"study {name}": "-o {out}/study"
         for name in ("reference", "visibility", "tolerance", "overdraw", "clustering", "optimize", "references")
     },
-    **{f"study {name}": "" for name in ("gradient", "inverse", "display")},
+    **{f"study {name}": "" for name in ("gradient", "inverse", "display", "window")},
 }
 WORK = (
     "diffprt.demo:run_demo",
@@ -81,6 +81,7 @@ WORK = (
     "diffprt.study.optimization.study:optimize_study",
     "diffprt.study.optimization.references:mitsuba_references",
     "diffprt.study.optimization.unseen:unseen_study",
+    "diffprt.study.window:window_study",
 )
 
 

@@ -51,7 +51,7 @@ def test_a_folder_in_order_at_one_exposure(place, tmp_path):
     assert [Path(entry["image"]) for entry in report["pictures"]] == files
     assert sorted((tmp_path / "out").iterdir()) == sorted(files)
     assert report["settings"]["lights"] == [str(place / "day" / f"{name}.hdr") for name in DAY]
-    assert [e["errors"]["environment"] for e in report["pictures"]] == list(DAY)
+    assert [e["errors"]["light"]["environment"] for e in report["pictures"]] == list(DAY)
     means = [float(read_image(file)[8:16, 8:16].mean()) for file in files]
     assert means[1] > means[0] > means[2], "noon is brighter than dawn: no exposure of its own evens them out"
     levels = [entry["mean_radiance"] / level for entry, level in zip(report["pictures"], DAY.values(), strict=True)]

@@ -133,7 +133,7 @@ def test_a_report_that_cannot_be_written_is_refused_before_work(place, tmp_path,
     for file in (tmp_path, "/dev/null", tmp_path / "a.obj" / "r.json"):
         (tmp_path / "a.obj").write_text("in the way")
         assert run("render", place / "a.prt", "-o", tmp_path / "never.png", "--json", file) == 2
-        assert "report" in capsys.readouterr().err and not (tmp_path / "never.png").exists()
+        assert "--json" in capsys.readouterr().err and not (tmp_path / "never.png").exists()
 
 
 def test_exit_codes_are_in_the_help(capsys):

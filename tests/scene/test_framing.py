@@ -69,13 +69,12 @@ def test_target_and_distance_are_where_the_camera_goes(scenes):
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
 def test_numbers_that_are_not_finite_are_refused_by_name(bad, scenes):
     points = scenes["sphere"].meshes[0].positions
-    for name, words in (("azimuth", "azimuth"), ("elevation", "elevation"), ("fov", "field of view")):
-        with pytest.raises(InputError, match=f"camera has {words} {bad}"):
+    for name in ("azimuth", "elevation", "fov", "distance"):
+        with pytest.raises(InputError, match=f"{name} is {bad}"):
             Camera.framing(points, **{name: bad})
-    for given, words in (({"target": (0.0, bad, 0.0)}, "target"), ({"distance": bad}, "distance")):
-        with pytest.raises(InputError, match=f"camera has {words}"):
-            Camera.framing(points, **given)
+    with pytest.raises(InputError, match="camera has target"):
+        Camera.framing(points, target=(0.0, bad, 0.0))
     with pytest.raises(InputError, match="camera has eye"):
         Camera((bad, 0.0, 0.0), (0.0, 0.0, 0.0))
-    with pytest.raises(InputError, match="camera has distance 0"):
+    with pytest.raises(InputError, match="distance is 0"):
         Camera.framing(points, distance=0.0)

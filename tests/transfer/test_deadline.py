@@ -78,8 +78,9 @@ def test_a_trial_that_was_wrong_is_put_right(clock, factor):
     """All chunks take longer, or less long, than the trial said."""
     seconds, rays = run(clock, lambda share: factor)
     assert 0.7 * SECONDS < seconds <= SECONDS
-    fair = sorted(rays)[CHUNKS // 2]
-    assert sum(not 0.6 * fair <= r <= 1.7 * fair for r in rays) <= 10, "all but the first chunks take about the same"
+    later = rays[CHUNKS // 4 :]
+    fair = sorted(later)[len(later) // 2]
+    assert all(0.6 * fair <= r <= 1.7 * fair for r in later), "all but the first chunks take about the same"
 
 
 @pytest.mark.parametrize("onset", [0.2, 0.5, 0.8])
@@ -122,16 +123,18 @@ def test_any_first_chunks_lie_everywhere(chunks):
 @pytest.mark.parametrize(("few", "many"), [(0.010, 0.1), (0.1, 0.010), (0.05, 0.05), (0.0, 0.0)])
 def test_trials_that_come_out_in_the_wrong_order_still_rise(few, many):
     """Two trials of milliseconds inverted, and 262,144 rays were chosen where a thousand had fitted."""
-    side, ray = straight(few, many, 1000)
+    side, ray = straight(64, few, 1024, many)
     assert side >= 0 and ray > 0
-    assert ray >= max(few, many) / 1024 / 1000 / 2
-    assert 1000 * (side + ray * 1024) >= 0.5 * max(few, many)
+    assert ray >= max(few, many) / 1024 / 2
+    assert side + ray * 1024 >= 0.5 * max(few, many)
 
 
 def test_cost_is_that_of_a_bake(bumpy):
     """Within a factor of three, on a machine that others may share."""
     surfaces = Surfaces.of(bumpy)
-    cost, entries = measured_cost(surfaces, surfaces.receivers, BakeSettings(order=4, bounces=1), 2, stored=True)
+    cost, entries = measured_cost(
+        surfaces, surfaces.receivers, BakeSettings(order=4, bounces=1), 2, stored=True, fit=lambda _: 2048
+    )
     assert entries > 0
     report: dict = {}
     bake(bumpy, order=4, bounces=1, rays=2048, threads=2, report=report)

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from diffprt.cli.from_options import from_options
 from diffprt.cli.outputs import JsonFile, write_report
+from diffprt.cli.paths import OutputFile
 from diffprt.cli.tables import print_table, say
+from diffprt.cli.terminal import print
 from diffprt.options.study import WindowOptions
 
 
 @from_options(WindowOptions)
-def run(*, options: WindowOptions, json_file: Path = JsonFile) -> None:
+def run(*, options: WindowOptions, json_file: OutputFile = JsonFile) -> None:
     from diffprt.study.window import window_study
 
     report = window_study(**vars(options) | {"say": say})

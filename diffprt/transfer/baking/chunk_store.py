@@ -109,7 +109,11 @@ class ChunkStore:
         if self.folder is None:
             self._memory[chunk] = tensors
         else:
-            write_whole(self._path(chunk), seal(tensors, self._owner(chunk)), "chunk")
+            path = self._path(chunk)
+            # A pipe or a link in a chunk's place, in a folder of our own, is none of its work.
+            if path.is_symlink() or (path.exists() and not path.is_file() and not path.is_dir()):
+                path.unlink()
+            write_whole(path, seal(tensors, self._owner(chunk)), "chunk")
             with suppress(OSError):
                 (self.folder / f"{chunk:06d}.begun").unlink(missing_ok=True)
         self._finished.add(chunk)

@@ -17,8 +17,10 @@ AIM, _LATE, _CUT = 0.85, 0.96, 0.9
 # Rays rise by two steps at least, and only while half of the work is still to come: later, too little is left to even
 # them out.
 _RISE, _RISING_SHARE = 1.15, 0.5
-# Chunks that have to end before they tell the speed, and the share of the time so far that tells it.
+# Chunks that are held at least, and the share of the time so far, to tell the speed of late.
 _TELLING, _RECENT = 4, 0.5
+# What the trial said counts as much as this share of the pass would, less and less until that share of it is over.
+_TRUST, _TRUSTED = 0.1, 0.4
 
 
 def _ladder() -> list[int]:
@@ -108,6 +110,7 @@ class Pace:
     def __init__(self, deadline: Deadline, cost: Cost, sides: int, rays: int) -> None:
         self._deadline, self._cost, self._sides, self.rays = deadline, cost, sides, rays
         self._most, self._waiting = rays, sides
+        self._expected = cost.trace(sides, rays)
         self._running: dict[int, float] = {}
         self._lock = threading.Lock()
         self._done = 0.0
@@ -152,10 +155,9 @@ class Pace:
 
     def _speed(self) -> float:
         """Seconds of the model that pass in one of the clock."""
-        if len(self._ends) <= _TELLING:
-            return 1.0
         (first, before), (last, done) = self._ends[0], self._ends[-1]
-        return (done - before) / max(last - first, 1e-9) or 1.0
+        trusted = _TRUST * max(0.0, self._expected - (last - self._begun) / _TRUSTED) + 1e-9
+        return (done - before + trusted) / (last - first + trusted)
 
 
 def spread(chunks: int) -> list[int]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 
 import torch
 
@@ -16,85 +17,126 @@ from diffprt.transfer.baking.deadline import Cost
 from diffprt.transfer.diffuse.direct import DirectTracer
 from diffprt.transfer.diffuse.estimate import PRODUCTS, spread_receivers
 
+# Rays of trials, and receivers that they begin with.
 _FEW, _MANY = 64, 1024
 _RECEIVERS, _PER_CHUNK = 1024, 64
+# More rays of a receiver lie closer to each other and cost less each: trials go on until the rays that fit are within
+# this factor of what was tried, with as many rays as this at a time.
+_REACH, _TRIAL_RAYS = 1.5, 1 << 20
+# Receivers of a trial at least, if they are no more than this part of all: some of them cost many times others.
+_FEWEST, _SHARE = 256, 32
 # What the end of a bake takes for certain: writing, flushing to disk, leaving the interpreter.
 _ENDING = 0.35
-# Seconds for each value of the signal: certificate, openness, writing.
-_VALUE = 4e-8
+# Seconds for each value of the signal (certificate, openness, writing) and for each receiver (curve, origins, patterns).
+_VALUE, _RECEIVER = 4e-8, 1e-5
 
 
 def measured_cost(
-    surfaces: Surfaces, receivers: Receivers, settings: BakeSettings, threads: int, *, stored: bool
+    surfaces: Surfaces,
+    receivers: Receivers,
+    settings: BakeSettings,
+    threads: int,
+    *,
+    stored: bool,
+    fit: Callable[[Cost], int],
 ) -> tuple[Cost, float]:
     """Traces some receivers with few and with many rays, on all threads, as the bake will.
 
     Args:
         receivers: all that will be traced.
         stored: whether the bounce operator is kept, or traced again for every product.
+        fit: how many rays a bake of such a cost may take.
 
     Returns:
-        the cost, and the entries that a row of the bounce operator has for each ray.
+        the cost about the rays that fit, and the entries that a row of the bounce operator has for each ray.
     """
-    mesh = surfaces.mesh(threads)
-    picked = spread_receivers(receivers, _RECEIVERS)
-    sides = Sides.of(picked)
-    picked = picked if sides is None else sides.traced
-    corners = surfaces.source_of_corner.numpy() if settings.reflects else None
-    sources = len(surfaces.receivers)
-
-    def traced(rays: int) -> tuple[float, list[OperatorRows]]:
-        pattern = surfaces.pattern(picked, rays, settings.seed)
-        tracer = DirectTracer(mesh, picked, pattern, settings.order, corners, sources)
-        rows: dict[int, OperatorRows | None] = {}
-
-        def work(first: int) -> None:
-            rows[first] = tracer.trace_rows(range(first, min(first + _PER_CHUNK, len(picked))))[2]
-
-        begun = time.perf_counter()
-        for _ in run_chunks(work, range(0, len(picked), _PER_CHUNK), threads=threads):
-            pass
-        return time.perf_counter() - begun, [row for row in rows.values() if row is not None]
-
-    traced(_FEW)
-    few = min(traced(_FEW)[0], traced(_FEW)[0])
-    many, rows = traced(_MANY)
-    side, ray = straight(few, many, len(picked))
+    trial = _Trial(surfaces, receivers, settings, threads)
+    trial.seconds(_FEW)
+    tried = {_FEW: min(trial.seconds(_FEW), trial.seconds(_FEW)), _MANY: trial.seconds(_MANY)}
     values = len(receivers) * (3 if settings.reflects and surfaces.colored else 1) * settings.order**2
-    per_row, per_entry = _operator_cost(rows, sources, settings, values // len(receivers)) if rows else (0.0, 0.0)
     products = PRODUCTS if settings.bounces == CONVERGED else settings.bounces
+    per_ray, per_entry = trial.operator_cost(_MANY, products, values // len(receivers))
     again = 0 if stored else products
 
-    def tail(rays: int) -> float:
-        # Rays meet the same surfaces again and again, so that entries grow slower than rays: this errs on the safe side
-        # where they are many.
-        entries = receivers.sides * min(per_row * rays / _MANY, sources)
-        return _ENDING + _VALUE * values + entries * per_entry + again * receivers.sides * (side + ray * rays)
+    def cost() -> Cost:
+        (few, less), (many, more) = sorted(tried.items())[-2:]
+        side, ray = straight(few, less, many, more)
 
-    return Cost(side, ray, tail), per_row / _MANY
+        def tail(rays: int) -> float:
+            # Rays meet the same surfaces again and again, so that entries grow slower than rays: this errs on the safe
+            # side where they are many.
+            entries = receivers.sides * min(per_ray * rays, len(surfaces.receivers))
+            return (
+                _ENDING
+                + _RECEIVER * len(receivers)
+                + _VALUE * values
+                + entries * per_entry
+                + again * receivers.sides * (side + ray * rays)
+            )
+
+        return Cost(side, ray, tail)
+
+    while (rays := fit(cost())) > _REACH * max(tried):
+        count = min(rays, 8 * max(tried))
+        tried[count] = trial.seconds(count)
+    return cost(), per_ray
 
 
-def straight(few: float, many: float, sides: int) -> tuple[float, float]:
-    """Seconds of a side and of a ray, from those that 64 and 1024 rays of each of `sides` took.
+class _Trial:
+    """Some receivers, in runs of neighbors as a bake traces them."""
+
+    def __init__(self, surfaces: Surfaces, receivers: Receivers, settings: BakeSettings, threads: int) -> None:
+        self._surfaces, self._receivers, self._settings, self._threads = surfaces, receivers, settings, threads
+        self._corners = surfaces.source_of_corner.numpy() if settings.reflects else None
+        self._rows: list[OperatorRows] = []
+
+    def seconds(self, rays: int) -> float:
+        """Seconds of a side with so many rays, by the clock, on all threads."""
+        count = max(_TRIAL_RAYS // rays, min(_FEWEST, len(self._receivers) // _SHARE))
+        picked = spread_receivers(self._receivers, min(_RECEIVERS, max(count, 2 * self._threads)))
+        sides = Sides.of(picked)
+        picked = picked if sides is None else sides.traced
+        surfaces, settings = self._surfaces, self._settings
+        pattern = surfaces.pattern(picked, rays, settings.seed)
+        sources = len(surfaces.receivers)
+        tracer = DirectTracer(surfaces.mesh(), picked, pattern, settings.order, self._corners, sources)
+        rows: dict[int, OperatorRows | None] = {}
+        step = min(_PER_CHUNK, -(-len(picked) // (2 * self._threads)))
+
+        def work(first: int) -> None:
+            rows[first] = tracer.trace_rows(range(first, min(first + step, len(picked))))[2]
+
+        begun = time.perf_counter()
+        for _ in run_chunks(work, range(0, len(picked), step), threads=self._threads):
+            pass
+        taken = time.perf_counter() - begun
+        self._rows = [row for row in rows.values() if row is not None]
+        return taken / len(picked)
+
+    def operator_cost(self, rays: int, products: int, values: int) -> tuple[float, float]:
+        """Of the last trace, with so many rays: entries in a row for each ray, and the seconds that an entry takes to
+        gather and in all products."""
+        if not self._rows:
+            return 0.0, 0.0
+        sources = len(self._surfaces.receivers)
+        begun = time.perf_counter()
+        operator = StoredOperator(self._rows, sources)
+        gathered = time.perf_counter() - begun
+        dense = torch.zeros(sources, values)
+        operator.product(dense)
+        begun = time.perf_counter()
+        operator.product(dense)
+        product = time.perf_counter() - begun
+        entries = max(operator.entries, 1)
+        return entries / operator.receivers / rays, (gathered + products * product) / entries
+
+
+def straight(few: int, less: float, many: int, more: float) -> tuple[float, float]:
+    """Seconds of a side and of each of its rays, from what a side took with `few` and with `many` rays.
 
     A line through both, that rises by no less than half of what a ray takes on the whole: trials of a few milliseconds
     on a busy machine may come out in the wrong order.
     """
-    many = max(few, many, 1e-9)
-    ray = max((many - few) / (_MANY - _FEW), many / _MANY / 2) / sides
-    return max(few / sides - _FEW * ray, 0.0), ray
-
-
-def _operator_cost(rows: list[OperatorRows], sources: int, settings: BakeSettings, values: int) -> tuple[float, float]:
-    """Entries in a row of the trial, and seconds that an entry takes to gather and in all products."""
-    begun = time.perf_counter()
-    operator = StoredOperator(rows, sources)
-    gathered = time.perf_counter() - begun
-    dense = torch.zeros(sources, values)
-    operator.product(dense)
-    begun = time.perf_counter()
-    operator.product(dense)
-    product = time.perf_counter() - begun
-    products = PRODUCTS if settings.bounces == CONVERGED else settings.bounces
-    entries = max(operator.entries, 1)
-    return entries / operator.receivers, (gathered + products * product) / entries
+    more = max(less, more, 1e-12)
+    ray = max((more - less) / (many - few), more / many / 2)
+    return max(less - few * ray, 0.0), ray

@@ -18,7 +18,7 @@ from diffprt.transfer.diffuse.retrace import RAYS_PER_BLOCK
 
 _PILOT_RAYS = 1 << 18
 _LARGEST_PILOT_PATTERN = 4096
-# Receivers that are traced one after the other in the trial.
+# Receivers that are traced one after the other in the trial, and about as many runs of them at least.
 _RUN = 32
 # Rough costs of a machine of today: seconds to store a chunk, products per second and thread of a sparse product.
 _CHUNK_SECONDS = 0.004
@@ -102,7 +102,8 @@ def _signal_bytes(surfaces: Surfaces, receivers: Receivers, settings: BakeSettin
 def spread_receivers(receivers: Receivers, count: int) -> Receivers:
     """About `count` receivers, in runs of neighbors as a bake traces them, the runs evenly taken."""
     count = min(count, len(receivers))
-    starts = torch.linspace(0, max(len(receivers) - _RUN, 0), -(-count // _RUN)).long()
-    runs = (starts[:, None] + torch.arange(_RUN)).reshape(-1).unique()
+    run = max(2, min(_RUN, count // _RUN))
+    starts = torch.linspace(0, max(len(receivers) - run, 0), -(-count // run)).long()
+    runs = (starts[:, None] + torch.arange(run)).reshape(-1).unique()
     pick = receivers.along_curve()[runs[runs < len(receivers)]]
     return receivers.picked(pick)

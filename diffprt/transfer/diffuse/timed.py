@@ -68,15 +68,21 @@ def timed_rate(
     given = 0 if free is None else free.sides
     own = surfaces.receivers.sides if free is None or asked.reflects else 0
     measured = surfaces.receivers if own else free
+    # First, for it finds what is inside geometry, which takes time of its own.
+    sample = trials(asked)
     operator = "recompute" if options.operator == "recompute" else "stored"
-    cost, entries = measured_cost(surfaces, measured, asked, threads, stored=operator == "stored")
-    rays = cost.affordable(own + given, deadline)
+
+    def fit(cost: Cost) -> int:
+        return cost.affordable(own + given, deadline)
+
+    cost, entries = measured_cost(surfaces, measured, asked, threads, stored=operator == "stored", fit=fit)
+    rays = fit(cost)
     if options.operator == "auto" and asked.reflects and rays:
         needed = measured.sides * min(int(entries * rays), len(surfaces.receivers))
         if not fits(diffuse_memory(surfaces, measured, asked, needed, "stored", threads), _MEMORY):
             operator = "recompute"
-            cost, _ = measured_cost(surfaces, measured, asked, threads, stored=False)
-            rays = cost.affordable(own + given, deadline)
+            cost, _ = measured_cost(surfaces, measured, asked, threads, stored=False, fit=fit)
+            rays = fit(cost)
     if rays == 0:
         least = cost.least(own + given, deadline)
         raise InputError(
@@ -85,7 +91,6 @@ def timed_rate(
             f"give at least {_rounded_up(1.15 * least):g} seconds, fewer bounces or a coarser mesh"
         )
     sampling = None
-    sample = trials(asked)
     lasting = cost.ray * rays_of_trials(sample, rays)
     if lasting <= _TRIALS * deadline.until(AIM):
         rays = cost.most_rays(own + given, deadline.until(AIM) - lasting) or rays
