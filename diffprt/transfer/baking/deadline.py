@@ -86,12 +86,14 @@ class Cost:
         return replace(self, tail=lambda rays: self.whole(sides, rays))
 
     def affordable(self, sides: float, deadline: Deadline) -> int:
-        """The most rays for which a bake that starts now is aimed to end in time; 0 where none are."""
-        return self.most_rays(sides, deadline.until(AIM))
+        """The most rays for which a bake that starts now is aimed to end in time, the fewest if they just fit; 0 where
+        none do."""
+        rays = self.most_rays(sides, deadline.until(AIM))
+        return rays or (FEWEST_RAYS if self.whole(sides, FEWEST_RAYS) <= deadline.until(_LATE) else 0)
 
     def least(self, sides: float, deadline: Deadline) -> float:
         """Seconds that the smallest bake needs, with what is spent already."""
-        return (deadline.spent + self.whole(sides, FEWEST_RAYS)) / AIM
+        return (deadline.spent + self.whole(sides, FEWEST_RAYS)) / _LATE
 
 
 class Pace:

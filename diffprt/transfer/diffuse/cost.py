@@ -27,7 +27,7 @@ _REACH, _TRIAL_RAYS = 1.5, 1 << 20
 _FEWEST, _SHARE = 256, 32
 # What the end of a bake takes for certain: writing, flushing to disk, leaving the interpreter.
 _ENDING = 0.35
-# Seconds for each value of the signal (certificate, openness, writing) and for each receiver (curve, origins, patterns).
+# Seconds for each value of the signal (certificate, openness, writing), and for each receiver (curve, patterns).
 _VALUE, _RECEIVER = 4e-8, 1e-5
 
 
@@ -66,13 +66,8 @@ def measured_cost(
             # Rays meet the same surfaces again and again, so that entries grow slower than rays: this errs on the safe
             # side where they are many.
             entries = receivers.sides * min(per_ray * rays, len(surfaces.receivers))
-            return (
-                _ENDING
-                + _RECEIVER * len(receivers)
-                + _VALUE * values
-                + entries * per_entry
-                + again * receivers.sides * (side + ray * rays)
-            )
+            fixed = _ENDING + _RECEIVER * len(receivers) + _VALUE * values
+            return fixed + entries * per_entry + again * receivers.sides * (side + ray * rays)
 
         return Cost(side, ray, tail)
 

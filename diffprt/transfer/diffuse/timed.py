@@ -20,6 +20,8 @@ from diffprt.transfer.diffuse.estimate import diffuse_memory
 
 # Share of the time left that trials of the error may take; where they would take more, the certificate does without.
 _TRIALS = 0.12
+# The least that is named is that much more than was measured: the next start may take longer.
+_ALLOWED = 1.1
 # Share of the free memory that a stored operator may take: the clock may find time for more rays than were planned.
 _MEMORY = 0.5
 
@@ -88,7 +90,7 @@ def timed_rate(
         raise InputError(
             f"{deadline.seconds:g} seconds are too short: {deadline.spent:.2g} s have gone to the start, and the "
             f"fewest rays, {FEWEST_RAYS}, take {cost.whole(own + given, FEWEST_RAYS):.2g} s here: "
-            f"give at least {_rounded_up(1.15 * least):g} seconds, fewer bounces or a coarser mesh"
+            f"give at least {_rounded_up(_ALLOWED * least):g} seconds, fewer bounces or a coarser mesh"
         )
     sampling = None
     lasting = cost.ray * rays_of_trials(sample, rays)
