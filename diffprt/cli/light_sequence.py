@@ -111,7 +111,9 @@ def write_sequence(
     images = torch.cat([render(asset, part, camera, background=background, samples=samples) for part in parts])
     mask = asset.elements.view(camera).mask
     rendered = time.perf_counter()
-    factor = view_exposure(asset, lights, camera, curve=curve) if exposure is None else exposure
+    factor = exposure
+    if factor is None:
+        factor = view_exposure(asset, lights, camera, curve=curve, sky=background == "light")
     entries = []
     for name, light, file, image in zip(names, lights, files, images, strict=True):
         clipped, image = clipped_share(image, mask), image.clamp_min(0)

@@ -40,7 +40,8 @@ def run(
     light_azimuth: float = typer.Option(0.0, help="Turns the light about +y, degrees."),
     window: str = field_option(ViewOptions, "window"),
     exposure: str = typer.Option(
-        "auto", help="A factor, or auto: mean luminance of the object to 0.2, and less where the sky would be white."
+        "auto",
+        help="A factor, or auto: mean luminance of the object to 0.2, and less where a sky behind it would be white.",
     ),
     curve: str = field_option(ExportOptions, "curve"),
     background: str = typer.Option("0.05", help="A color (0.05 or r,g,b) or 'light'."),
@@ -102,7 +103,8 @@ def run(
     mask = asset.elements.view(camera).mask
     rendered = time.perf_counter()
     clipped, image = clipped_share(image, mask), image.clamp_min(0)
-    factor = view_exposure(asset, radiance, camera, curve=curve) if factor is None else factor
+    if factor is None:
+        factor = view_exposure(asset, radiance, camera, curve=curve, sky=behind == "light")
     write_image(output, image if output.suffix.lower() == ".exr" else tone_map(image, exposure=factor, curve=curve))
     chosen = radiance.report["window"]
     print(

@@ -20,11 +20,17 @@ _BRIGHTEST = 0.99
 _ROWS = 64
 
 
-def view_exposure(asset: Representation, light: Light | Sequence[Light], camera: Camera, *, curve: str) -> float:
+def view_exposure(
+    asset: Representation, light: Light | Sequence[Light], camera: Camera, *, curve: str, sky: bool = True
+) -> float:
     """The factor on radiance with which `render` and a page show an asset first; one for all of several lights.
 
     It brings the mean luminance of what `camera` sees of the asset to 0.2 (`auto_exposure`), or less where the
     brightest direction of the light, as it is seen, would come out white under the tone curve.
+
+    Args:
+        curve: of `tone_map`.
+        sky: whether the light is drawn behind the asset; what is not seen may be as bright as it likes.
     """
     shrink = _SIDE / max(camera.width, camera.height)
     small = replace(camera, width=max(1, round(camera.width * shrink)), height=max(1, round(camera.height * shrink)))
@@ -32,6 +38,8 @@ def view_exposure(asset: Representation, light: Light | Sequence[Light], camera:
     mask = asset.elements.view(small).mask
     # As one tall picture: an exposure for each would make day of night, and flicker.
     factor = auto_exposure(render(asset, lights, small).flatten(0, 1), mask.repeat(len(lights), 1))
+    if not sky:
+        return factor
     seen = [sh.render_map(one.seen().coefficients.detach().double(), _ROWS, 2 * _ROWS) for one in lights]
     peak = max(float(sky.max()) for sky in seen)
     return min(factor, white(curve) / peak) if peak > 0 else factor

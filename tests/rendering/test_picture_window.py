@@ -126,3 +126,14 @@ def test_the_sky_is_below_white_from_every_side(name, map_name, curve, assets, p
         image = render(asset, light, around, background="light")
         sky = tone_map(image, exposure=factor, curve=curve)[~asset.elements.view(around).mask]
         assert len(sky) and float(sky.max()) < 1.0
+
+
+def test_a_sky_that_is_not_seen_darkens_nothing(assets, projected):
+    """Inside a box, what the sky would take is six times the exposure."""
+    asset, camera = assets["cornell"][0], camera_of(assets["cornell"][0])
+    light = chosen_light(asset, camera, projected[next(iter(MAPS))])
+    shown = view_exposure(asset, light, camera, curve="aces")
+    alone = view_exposure(asset, light, camera, curve="aces", sky=False)
+    assert alone > 1.5 * shown
+    several = view_exposure(asset, [light, light], camera, curve="aces")
+    assert several == pytest.approx(shown)
