@@ -18,7 +18,7 @@ from diffprt.transfer.diffuse.inside import Fill
 _PACKET = 16
 # Standard errors of a sample of receivers that a forecast allows for, and the share of a tolerance that it aims at:
 # a sample's own standard error misses the rarest receivers, and the bake draws other rays.
-_ALLOWED, _MARGIN = 2.0, 0.93
+_ALLOWED, _MARGIN = 2.0, 0.91
 # Between random and perfectly stratified rays; the middle until two trials tell.
 _SLOWEST_EXPONENT, _EXPONENT, _FASTEST_EXPONENT = 0.5, 0.75, 1.0
 # Trials reach at most this much farther at a time, and a forecast this much beyond the last of them.
