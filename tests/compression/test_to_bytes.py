@@ -96,7 +96,7 @@ def test_sixteen_bits_on_request(assets, tmp_path, capsys):
     assert run("info", out) == 0
     assert "geometry in 16 bits (positions move by at most" in capsys.readouterr().out
     assert run("compress", tmp_path / "a.prt", "--geometry", 12, "-o", out) == 2
-    assert "geometry is 12: give 32, or 16" in capsys.readouterr().err
+    assert "geometry is 12: give 16 or 32" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
