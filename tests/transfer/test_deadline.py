@@ -163,7 +163,7 @@ def test_rays_that_change_on_the_way_leave_the_same_signal(monkeypatch, operator
     given = itertools.cycle((64, 32, 128, 96))
     monkeypatch.setattr(Pace, "_settled", lambda self, sides: next(given))
     options = {"order": 3, "bounces": 2, "operator": operator, "threads": 1, "fill_inside": False}
-    mixed = bake(scene, **options, seconds=60)
+    mixed = bake(scene, **options, seconds=4)
     found = mixed.certificate
     assert (found["rays_fewest"], found["rays_most"]) == (32, 128) and 32 < found["rays_mean"] < 128
     assert mixed.settings["rays"] == 32
