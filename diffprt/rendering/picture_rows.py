@@ -1,24 +1,40 @@
-"""What a picture shows of distant light: how some of its pixels answer to it."""
+"""What a picture shows of distant light: how some of its pixels answer to it, and how much they can at most."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+import math
+from dataclasses import dataclass, replace
+from functools import singledispatch
 
 import torch
 
 from diffprt.representation.interface import Representation
 from diffprt.representation.view import Samples
 from diffprt.scene.camera import Camera
+from diffprt.transfer.at_receivers import DiffuseTransfer
 
 # Pixels a side of the view that is sampled, and samples taken of it.
 _SIDE, SAMPLES = 64, 64
 LUMINANCE = (0.2126, 0.7152, 0.0722)
 
 
-def picture_rows(asset: Representation, camera: Camera, *, samples: int = SAMPLES) -> torch.Tensor:
-    """The luminance of pixels under white light in each harmonic, float64 [S, K], S <= `samples`.
+@dataclass(frozen=True)
+class PictureRows:
+    """Some pixels of a view.
 
-    The pixels lie evenly among those that `camera` sees anything at.
+    Attributes:
+        rows: float64 [S, K], their luminance under white light in each harmonic.
+        part: the elements that they see.
+        seen: where, [S].
+    """
+
+    rows: torch.Tensor
+    part: Representation
+    seen: Samples
+
+
+def picture_rows(asset: Representation, camera: Camera, *, samples: int = SAMPLES) -> PictureRows:
+    """Of at most `samples` pixels, evenly among those that `camera` sees anything at.
 
     Raises:
         InputError: the asset cannot be drawn, or answers to no distant light.
@@ -30,7 +46,8 @@ def picture_rows(asset: Representation, camera: Camera, *, samples: int = SAMPLE
     view = asset.elements.view(replace(camera, **sides))
     count = min(samples, len(view.index))
     if count == 0:
-        return torch.zeros(0, asset.order**2, dtype=torch.float64)
+        nothing = Samples(view.index, view.weight, view.points, view.normals)
+        return PictureRows(torch.zeros(0, asset.order**2, dtype=torch.float64), asset, nothing)
     taken = torch.linspace(0, len(view.index) - 1, count, dtype=torch.float64).round().long()
     used, index = view.index[taken].unique(return_inverse=True)
     seen = Samples(index, view.weight[taken], view.points[taken], view.normals[taken])
@@ -40,4 +57,19 @@ def picture_rows(asset: Representation, camera: Camera, *, samples: int = SAMPLE
     for white in torch.eye(asset.order**2)[:, :, None].expand(-1, -1, 3):
         lit = part.lit(white.contiguous())
         rows.append(lit.towards(seen, eye).detach().double() @ weight)
-    return torch.stack(rows, dim=1)
+    return PictureRows(torch.stack(rows, dim=1), part, seen)
+
+
+@singledispatch
+def most_answered(part: Representation, seen: Samples, directions: torch.Tensor) -> torch.Tensor | None:
+    """The most luminance that unit light from each direction [D, 3] may cause at samples, float64 [S, D]; None where
+    the kind knows none. A kind registers its own."""
+    return None
+
+
+@most_answered.register
+def _(part: DiffuseTransfer, seen: Samples, directions: torch.Tensor) -> torch.Tensor:
+    """Albedo over pi times the cosine, as if nothing were in the way; what other surfaces reflect is left out."""
+    albedo = seen.mixed(part.receivers.albedo.detach()).double() @ torch.tensor(LUMINANCE, dtype=torch.float64)
+    normals = torch.nn.functional.normalize(seen.normals.double(), dim=1)
+    return albedo[:, None] / math.pi * (normals @ directions.T).clamp_min(0)

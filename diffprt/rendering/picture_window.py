@@ -4,8 +4,9 @@ A light of the asset's order leaves out bands that shadows answer to. Without a 
 least error of all lights of that order, as long as the asset's own bands hold most of what it does with light: then
 "none" is best, and negative radiance is clipped. Inside a box that the sun does not reach they do not: there
 all that is seen is the ringing, and a window wins. Which it is follows from the bands beyond the asset's, and
-those are guessed: how a pixel answers to light is non-negative in every direction, so its answer is made so, its known
-bands are put back, and again (Papoulis 1975, Gerchberg 1974: extrapolation by alternating projections).
+those are guessed: how a pixel answers to light is non-negative in every direction, and of a diffuse surface no more
+than where nothing is in the way; so its answer is made so, its known bands are put back, and again (Papoulis 1975,
+Gerchberg 1974: extrapolation by alternating projections).
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from dataclasses import dataclass
 import torch
 
 from diffprt import sh
-from diffprt.rendering.picture_rows import LUMINANCE, picture_rows
+from diffprt.rendering.picture_rows import LUMINANCE, most_answered, picture_rows
 from diffprt.representation.interface import Representation
 from diffprt.scene.camera import Camera
 from diffprt.scene.environment import Environment
@@ -26,7 +27,7 @@ from diffprt.scene.light import Light
 CHOICES = ("none", "lanczos", "hann")
 # Bands of a light against which windows are measured.
 FULL_ORDER = 10
-_ROWS, _ROUNDS = 24, 8
+_ROWS, _ROUNDS = 24, 16
 
 
 @dataclass(frozen=True)
@@ -48,8 +49,9 @@ class PictureWindow:
         Raises:
             InputError: the asset cannot be drawn.
         """
-        rows = picture_rows(asset.to(torch.float32), camera)
-        return PictureWindow(extended(rows, FULL_ORDER), sh.order_of_count(rows.shape[1]))
+        found = picture_rows(asset.to(torch.float32), camera)
+        most = most_answered(found.part, found.seen, _sphere()[0])
+        return PictureWindow(extended(found.rows, FULL_ORDER, most), sh.order_of_count(found.rows.shape[1]))
 
     def errors(self, coefficients: torch.Tensor) -> dict[str, float]:
         """The relative RMS error expected of each window's picture under a light of order 10, [100, 3]."""
@@ -75,8 +77,9 @@ class PictureWindow:
         return light if turn is None else light.rotate(turn)
 
 
-def extended(rows: torch.Tensor, order: int) -> torch.Tensor:
-    """Functions on the sphere, float64 [S, K], with bands up to `order` that make them nearly non-negative.
+def extended(rows: torch.Tensor, order: int, most: torch.Tensor | None = None) -> torch.Tensor:
+    """Functions on the sphere, float64 [S, K], with bands up to `order` that make them nearly non-negative, and no more
+    than `most` [S, D] in the directions of a grid.
 
     The bands given are kept.
     """
@@ -86,7 +89,8 @@ def extended(rows: torch.Tensor, order: int) -> torch.Tensor:
     back = basis * weight[:, None]
     full = torch.nn.functional.pad(rows, (0, order**2 - known))
     for _ in range(_ROUNDS):
-        full = (full @ basis.T).clamp_min(0) @ back
+        values = (full @ basis.T).clamp_min(0)
+        full = (values if most is None else values.minimum(most)) @ back
         full[:, :known] = rows
     return full
 

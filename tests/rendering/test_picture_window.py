@@ -6,9 +6,11 @@ import pytest
 import torch
 
 from diffprt import bake, sh
+from diffprt.brdf import Phong
 from diffprt.errors import InputError
 from diffprt.rendering import PictureWindow, clipped_share, render, view_exposure
-from diffprt.rendering.picture_window import CHOICES, extended
+from diffprt.rendering.picture_rows import most_answered, picture_rows
+from diffprt.rendering.picture_window import CHOICES, _sphere, extended
 from diffprt.scene import Camera, Environment, Light, builtin_environment, builtin_scene
 from diffprt.shading import tone_map
 
@@ -101,6 +103,22 @@ def test_answers_are_extended_by_what_makes_them_positive_and_their_bands_are_ke
     assert torch.equal(beyond[:, : ORDER**2], asset_rows)
     truth = full.diffuse[:, 0].double()[:, ORDER**2 :]
     assert (beyond[:, ORDER**2 :] - truth).norm() < 0.8 * truth.norm()
+
+
+def test_answers_stay_below_what_an_open_surface_gives(assets):
+    """In a box the bound brings the guess nearer to the truth, and the sun behind its walls to the strong window."""
+    small, full = assets["cornell"]
+    camera = camera_of(small)
+    found, truth = picture_rows(small, camera), picture_rows(full, camera)
+    most = most_answered(found.part, found.seen, _sphere()[0])
+    assert most is not None and most.shape == (len(found.rows), len(_sphere()[0])) and float(most.min()) >= 0
+    beyond = slice(ORDER**2, None)
+    bounded, free = (extended(found.rows, 10, bound)[:, beyond] for bound in (most, None))
+    wanted = truth.rows[:, beyond]
+    assert (bounded - wanted).norm() < 0.97 * (free - wanted).norm()
+    glossy = bake(SCENES["cornell"].with_brdf(Phong(8)), order=2, rays=32)
+    part = picture_rows(glossy, camera)
+    assert most_answered(part.part, part.seen, _sphere()[0]) is None, "a highlight may exceed it"
 
 
 def test_picture_is_refused_by_name_where_there_is_no_asset():
