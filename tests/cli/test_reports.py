@@ -13,7 +13,10 @@ from diffprt.cli import main, outputs
 from diffprt.demo import run_demo
 from diffprt.scene import builtin_scene
 
-SCHEMA = json.loads((Path(__file__).parents[2] / "docs" / "report.schema.json").read_text())
+# The schema lies in docs/, which no wheel has.
+pytestmark = pytest.mark.checkout
+DOCUMENT = Path(__file__).parents[2] / "docs" / "report.schema.json"
+SCHEMA = json.loads(DOCUMENT.read_text("utf-8")) if DOCUMENT.exists() else {}
 VALID = jsonschema.Draft202012Validator(SCHEMA)
 TRIANGLES = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
 FEW = "--order 1 --rays 16 --bounces 0"
