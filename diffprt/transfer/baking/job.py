@@ -37,7 +37,7 @@ class JobOptions(BakeOptions):
     )
     begun: float | None = field(
         default=None,
-        metadata={"help": "`time.monotonic()` from which `seconds` count; without it, when the bake is prepared."},
+        metadata={"help": "`time.monotonic()` from which `seconds` count; without it, when the bake runs."},
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -135,7 +136,7 @@ class DiffuseJob(Job):
         if self.shadows:
             with timed(timings, "estimating"):
                 keep_hits = self._operator(receivers) == "stored"
-                pace = None if self._timed is None else self._timed.pace(receivers)
+                pace = None if self._timed is None else self._timed.pace(self.deadline, receivers)
             with timed(timings, "compiling kernels"):
                 tracing = Tracing(
                     surfaces, traced, settings, scene_hash=self.scene.hash(), keep_hits=keep_hits, pace=pace
@@ -201,6 +202,10 @@ class DiffuseJob(Job):
                 f"checkpoint is {checkpoint}, and seconds is {self.deadline.seconds:g}: rays that the clock chose "
                 "cannot be chosen again, give one of them"
             )
+        if self.deadline is not None and self.options.begun is None:
+            # What passes between preparing and running is none of its time.
+            took = self._timed.took if "_timed" in self.__dict__ and self._timed is not None else 0.0
+            self.deadline = replace(self.deadline, begun=time.monotonic() - took)
         report = {} if report is None else report
         report |= {"timings": {}, "counts": {}}
         folder = None if checkpoint is None else Path(checkpoint)

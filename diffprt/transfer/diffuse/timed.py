@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -34,23 +35,24 @@ class TimedRate:
         rays: per receiver, if the machine stays as fast as it is.
         operator: "stored" or "recompute".
         sampling: the error to expect; None where there is no time to find out.
-        deadline, cost: for the clock.
+        cost: of rays, for the clock.
+        took: seconds that it took to find out.
         own, given: sides of the scene's own receivers that are traced, and of free ones.
     """
 
     rays: int
     operator: str
     sampling: SamplingRate | None
-    deadline: Deadline
     cost: Cost
+    took: float
     own: int
     given: int
 
-    def pace(self, receivers: Receivers | None) -> Pace:
+    def pace(self, deadline: Deadline, receivers: Receivers | None) -> Pace:
         """Of the pass over free `receivers`, or over the scene's own, which comes before."""
         if receivers is None:
-            return Pace(self.deadline, self.cost.then(self.given) if self.given else self.cost, self.own, self.rays)
-        return Pace(self.deadline, self.cost, self.given, self.rays)
+            return Pace(deadline, self.cost.then(self.given) if self.given else self.cost, self.own, self.rays)
+        return Pace(deadline, self.cost, self.given, self.rays)
 
 
 def timed_rate(
@@ -66,7 +68,7 @@ def timed_rate(
     Raises:
         InputError: the fewest rays do not fit.
     """
-    free = options.receivers
+    begun, free = time.monotonic(), options.receivers
     given = 0 if free is None else free.sides
     own = surfaces.receivers.sides if free is None or asked.reflects else 0
     measured = surfaces.receivers if own else free
@@ -97,7 +99,7 @@ def timed_rate(
     if lasting <= _TRIALS * deadline.until(AIM):
         rays = cost.most_rays(own + given, deadline.until(AIM) - lasting) or rays
         sampling = rate_of(sample, rays)
-    return TimedRate(rays, operator, sampling, deadline, cost, own, given)
+    return TimedRate(rays, operator, sampling, cost, time.monotonic() - begun, own, given)
 
 
 def _rounded_up(seconds: float) -> float:
