@@ -214,7 +214,7 @@ def test_a_checkpoint_is_refused_beside_seconds(bumpy, tmp_path):
 
 
 def test_a_bake_may_wait_between_preparing_and_running(bumpy):
-    job = prepare(bumpy, order=3, bounces=0, seconds=2)
+    job = prepare(bumpy, order=4, bounces=1, seconds=2)
     chosen = job.settings.rays
     # As if a minute had passed.
     job.deadline = replace(job.deadline, begun=job.deadline.begun - 60)
