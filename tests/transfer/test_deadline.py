@@ -214,13 +214,14 @@ def test_a_checkpoint_is_refused_beside_seconds(bumpy, tmp_path):
 
 
 def test_a_bake_may_wait_between_preparing_and_running(bumpy):
-    job = prepare(bumpy, order=4, bounces=1, seconds=2)
+    job = prepare(bumpy, order=4, bounces=1, seconds=4)
     chosen = job.settings.rays
     # As if a minute had passed.
     job.deadline = replace(job.deadline, begun=job.deadline.begun - 60)
     begun = time.monotonic()
-    assert job.run().settings["rays"] >= chosen / 8
-    assert time.monotonic() - begun < 3
+    done = job.run()
+    assert done.certificate.get("rays_mean", done.settings["rays"]) >= chosen / 8
+    assert time.monotonic() - begun < 6
 
 
 def test_the_clock_may_have_begun_before(bumpy):
