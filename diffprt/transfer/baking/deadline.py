@@ -14,6 +14,8 @@ FEWEST_RAYS, MOST_RAYS = 32, 1 << 18
 _PACKET, _STEPS_PER_OCTAVE = 16, 8
 # Shares of the time: what is aimed at, when chunks are cut short, and what they are cut short to.
 AIM, _LATE, _CUT = 0.85, 0.96, 0.9
+# Before what remains takes less than this part of the rays that others had, the bake runs over, up to that share.
+_UNEVEN, _GRACE = 0.25, 1.2
 # Rays rise by two steps at least, and only while half of the work is still to come: later, too little is left to even
 # them out.
 _RISE, _RISING_SHARE = 1.15, 0.5
@@ -30,6 +32,11 @@ def _ladder() -> list[int]:
 
 
 LADDER = _ladder()
+
+
+def _on_ladder(rays: float) -> int:
+    """The most rays on the ladder that are no more than these, or the fewest."""
+    return LADDER[max(bisect_right(LADDER, rays) - 1, 0)]
 
 
 @dataclass(frozen=True)
@@ -107,14 +114,17 @@ class Pace:
         cost: of rays, and of what follows the pass.
         sides: of all chunks.
         rays: to begin with.
+        threads: that chunks run on.
     """
 
-    def __init__(self, deadline: Deadline, cost: Cost, sides: int, rays: int) -> None:
+    def __init__(self, deadline: Deadline, cost: Cost, sides: int, rays: int, threads: int) -> None:
+        self._threads = threads
         self._deadline, self._cost, self._sides, self.rays = deadline, cost, sides, rays
         self._most, self._waiting = rays, sides
         self._expected = cost.trace(sides, rays)
         self._running: dict[int, float] = {}
         self._lock = threading.Lock()
+        self._mean = 0.0
         self._done = 0.0
         self._begun = 0.0
         self._ends: deque[tuple[float, float]] = deque()
@@ -127,8 +137,17 @@ class Pace:
                 self._ends.append((self._begun, 0.0))
             self._waiting -= sides
             self.rays = self._settled(sides)
+            begun = self._sides - self._waiting
+            self._mean += (self.rays - self._mean) * sides / begun
             self._running[chunk] = self._cost.trace(sides, self.rays)
             return self.rays
+
+    def waited(self, seconds: float) -> None:
+        """A thread did not trace for so long, since a pattern of other rays was made: it says nothing of the speed."""
+        with self._lock:
+            idle = seconds / self._threads
+            self._begun += idle
+            self._ends = deque((when + idle, done) for when, done in self._ends)
 
     def end(self, chunk: int) -> None:
         """The chunk has ended."""
@@ -146,6 +165,9 @@ class Pace:
         now = (self._cost.whole(waiting, self.rays)) / speed + running
         if now > self._deadline.until(_LATE):
             fewer = self._cost.most_rays(waiting, self._deadline.until(_CUT) - running, speed=speed)
+            if fewer < _UNEVEN * self._mean:
+                grace = self._cost.most_rays(waiting, self._deadline.until(_GRACE) - running, speed=speed)
+                fewer = max(fewer, min(grace, _on_ladder(_UNEVEN * self._mean)))
             return min(max(fewer, FEWEST_RAYS), self.rays)
         more = self._cost.most_rays(waiting, self._deadline.until(AIM) - running, speed=speed)
         if waiting < _RISING_SHARE * self._sides:

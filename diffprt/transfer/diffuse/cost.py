@@ -25,6 +25,8 @@ _RECEIVERS, _PER_CHUNK = 1024, 64
 _REACH, _TRIAL_RAYS = 1.5, 1 << 20
 # Receivers of a trial at least, if they are no more than this part of all: some of them cost many times others.
 _FEWEST, _SHARE = 256, 32
+# The shortest of so many trials counts, or of as many as take this long.
+_LEAST_TRIALS, _MOST_TRIALS, _LEAST_SECONDS = 2, 4, 0.1
 # What the end of a bake takes for certain: writing, flushing to disk, leaving the interpreter.
 _ENDING = 0.35
 # Seconds for each value of the signal (certificate, openness, writing), and for each receiver (curve, patterns).
@@ -52,7 +54,7 @@ def measured_cost(
     """
     trial = _Trial(surfaces, receivers, settings, threads)
     trial.seconds(_FEW)
-    tried = {_FEW: min(trial.seconds(_FEW), trial.seconds(_FEW)), _MANY: trial.seconds(_MANY)}
+    tried = {count: trial.seconds(count) for count in (_FEW, _MANY)}
     values = len(receivers) * (3 if settings.reflects and surfaces.colored else 1) * settings.order**2
     products = PRODUCTS if settings.bounces == CONVERGED else settings.bounces
     per_ray, per_entry = trial.operator_cost(_MANY, products, values // len(receivers))
@@ -101,12 +103,17 @@ class _Trial:
         def work(first: int) -> None:
             rows[first] = tracer.trace_rows(range(first, min(first + step, len(picked))))[2]
 
-        begun = time.perf_counter()
-        for _ in run_chunks(work, range(0, len(picked), step), threads=self._threads):
-            pass
-        taken = time.perf_counter() - begun
+        times: list[float] = []
+        # What else the machine does makes short trials longer, never shorter.
+        while len(times) < _LEAST_TRIALS or (sum(times) < _LEAST_SECONDS and len(times) < _MOST_TRIALS):
+            begun = time.perf_counter()
+            for _ in run_chunks(work, range(0, len(picked), step), threads=self._threads):
+                pass
+            times.append(time.perf_counter() - begun)
+            if times[-1] > _LEAST_SECONDS:
+                break
         self._rows = [row for row in rows.values() if row is not None]
-        return taken / len(picked)
+        return min(times) / len(picked)
 
     def operator_cost(self, rays: int, products: int, values: int) -> tuple[float, float]:
         """Of the last trace, with so many rays: entries in a row for each ray, and the seconds that an entry takes to

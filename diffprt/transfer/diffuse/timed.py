@@ -37,6 +37,7 @@ class TimedRate:
         sampling: the error to expect; None where there is no time to find out.
         cost: of rays, for the clock.
         took: seconds that it took to find out.
+        threads: CPU threads.
         own, given: sides of the scene's own receivers that are traced, and of free ones.
     """
 
@@ -45,14 +46,17 @@ class TimedRate:
     sampling: SamplingRate | None
     cost: Cost
     took: float
+    threads: int
     own: int
     given: int
 
     def pace(self, deadline: Deadline, receivers: Receivers | None) -> Pace:
         """Of the pass over free `receivers`, or over the scene's own, which comes before."""
         if receivers is None:
-            return Pace(deadline, self.cost.then(self.given) if self.given else self.cost, self.own, self.rays)
-        return Pace(deadline, self.cost, self.given, self.rays)
+            return Pace(
+                deadline, self.cost.then(self.given) if self.given else self.cost, self.own, self.rays, self.threads
+            )
+        return Pace(deadline, self.cost, self.given, self.rays, self.threads)
 
 
 def timed_rate(
@@ -99,7 +103,7 @@ def timed_rate(
     if lasting <= _TRIALS * deadline.until(AIM):
         rays = cost.most_rays(own + given, deadline.until(AIM) - lasting) or rays
         sampling = rate_of(sample, rays)
-    return TimedRate(rays, operator, sampling, cost, time.monotonic() - begun, own, given)
+    return TimedRate(rays, operator, sampling, cost, time.monotonic() - begun, threads, own, given)
 
 
 def _rounded_up(seconds: float) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import threading
+import time
 from collections.abc import Iterator
 from functools import cached_property
 from typing import NamedTuple
@@ -97,6 +98,9 @@ class Tracing(Work[Traced]):
         if self.pace is None:
             return self._found(index, self.settings.rays)
         rays = self.pace.begin(index, len(self.cut[index]))
+        begun = time.monotonic()
+        _ = self.tracers.of(rays)
+        self.pace.waited(time.monotonic() - begun)
         found = self._found(index, rays)
         self.pace.end(index)
         return found | {"rays": torch.full((len(self.cut[index]),), rays)}
