@@ -108,7 +108,12 @@ def write_sequence(
         check_output(file)
     loaded = time.perf_counter()
     parts = [lights[first : first + _AT_ONCE] for first in range(0, len(lights), _AT_ONCE)]
-    images = torch.cat([render(asset, part, camera, background=background, samples=samples) for part in parts])
+    drawn = []
+    with track("drawing", len(parts)) as advance:
+        for part in parts:
+            drawn.append(render(asset, part, camera, background=background, samples=samples))
+            advance()
+    images = torch.cat(drawn)
     mask = asset.elements.view(camera).mask
     rendered = time.perf_counter()
     factor = exposure

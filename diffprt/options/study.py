@@ -64,7 +64,6 @@ class ToleranceOptions(StudyOptions):
     seed: int = _option(0, "Of bakes, and of the first random scene.")
     truth_rays: int = _option(20_000_000, "Most rays of a truth; fewer receivers are compared beyond it.")
     finer_rays: int | None = _option(None, "Rays per receiver of a truth; 16 times those that were chosen, without it.")
-    fill_inside: bool = _option(True, "Fill receivers inside geometry, in bakes and in truths.")
 
 
 @dataclass(frozen=True, kw_only=True)

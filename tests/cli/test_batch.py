@@ -4,18 +4,13 @@ import json
 import time
 
 import pytest
+from command_line import run
 
-from diffprt.cli import batch, main
+from diffprt.cli import batch
 from diffprt.representation.files import load
 
 TRIANGLES = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
 FEW = ("--order", 1, "--rays", 16, "--bounces", 0)
-
-
-def run(*arguments):
-    with pytest.raises(SystemExit) as ended:
-        main([str(a) for a in arguments])
-    return ended.value.code
 
 
 @pytest.fixture

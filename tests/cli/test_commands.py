@@ -11,18 +11,11 @@ import numpy as np
 import pytest
 import torch
 import trimesh
+from command_line import run
 
-from diffprt.cli import main
 from diffprt.images import read_image, write_image
 from diffprt.representation.files import load, save
 from diffprt.scene import builtin_scene
-
-
-def run(*arguments: object) -> int:
-    """Runs a command in this process; its exit status."""
-    with pytest.raises(SystemExit) as ended:
-        main([str(a) for a in arguments])
-    return ended.value.code
 
 
 @pytest.fixture(scope="module")

@@ -4,20 +4,12 @@ import json
 
 import pytest
 import torch
+from command_line import run
 
-from diffprt.cli import main
 from diffprt.compression import ClusteredGlossyTransfer
 from diffprt.images import read_image
 from diffprt.representation.files import load
 from diffprt.transfer import GlossyTransfer
-
-
-def run(*arguments: object) -> int:
-    """Runs a command in this process; its exit status."""
-    with pytest.raises(SystemExit) as ended:
-        main([str(a) for a in arguments])
-    return ended.value.code
-
 
 SMALL = ("--order", 3, "--rays", 64, "--bounces", 1)
 

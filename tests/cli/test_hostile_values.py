@@ -10,10 +10,10 @@ from typing import get_type_hints
 
 import pytest
 import torch
+from command_line import run
 from typer.main import get_command
 
 from diffprt import InputError
-from diffprt.cli import main
 from diffprt.cli.main import app
 from diffprt.options.numbers import NUMBERS as NUMBERS_BY_NAME
 from diffprt.options.numbers import check_numbers
@@ -83,12 +83,6 @@ WORK = (
     "diffprt.study.optimization.unseen:unseen_study",
     "diffprt.study.window:window_study",
 )
-
-
-def run(*arguments):
-    with pytest.raises(SystemExit) as ended:
-        main([str(a) for a in arguments])
-    return ended.value.code
 
 
 @pytest.fixture(scope="module")

@@ -6,21 +6,15 @@ from pathlib import Path
 import pytest
 import representations as kinds
 import torch
+from command_line import run
 
 from diffprt import save
-from diffprt.cli import main
 from diffprt.cli.light_sequence import light_names, picture_files
 from diffprt.errors import InputError
 from diffprt.images import read_image, write_image
 from diffprt.rendering import auto_exposure
 
 DAY = {"2 dawn": 0.2, "10 noon": 3.0, "21 dusk": 0.05}
-
-
-def run(*arguments: object) -> int:
-    with pytest.raises(SystemExit) as ended:
-        main([str(a) for a in arguments])
-    return ended.value.code
 
 
 @pytest.fixture(scope="module")

@@ -6,20 +6,14 @@ import signal
 from contextlib import contextmanager
 
 import pytest
+from command_line import run
 
-from diffprt.cli import main
 from diffprt.cli.parsing import parse_bytes
 from diffprt.compression import compress
 from diffprt.errors import InputError
 from diffprt.lock import lock_file, locked
 from diffprt.optimization import load_references, optimize
 from diffprt.representation.files import load, save
-
-
-def run(*arguments: object) -> int:
-    with pytest.raises(SystemExit) as ended:
-        main([str(a) for a in arguments])
-    return ended.value.code
 
 
 @pytest.fixture(scope="module")

@@ -3,16 +3,9 @@
 import json
 
 import pytest
+from command_line import run
 
-from diffprt.cli import main
 from diffprt.planning import Plan
-
-
-def run(*arguments: object) -> int:
-    """Runs a command in this process; its exit status."""
-    with pytest.raises(SystemExit) as ended:
-        main([str(a) for a in arguments])
-    return ended.value.code
 
 
 def test_table_and_report(tmp_path, capsys):

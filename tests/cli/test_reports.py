@@ -8,8 +8,9 @@ from pathlib import Path
 
 import jsonschema
 import pytest
+from command_line import run
 
-from diffprt.cli import main, outputs
+from diffprt.cli import outputs
 from diffprt.demo import run_demo
 from diffprt.scene import builtin_scene
 
@@ -22,12 +23,6 @@ TRIANGLES = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 
 FEW = "--order 1 --rays 16 --bounces 0"
 
 pytestmark = pytest.mark.checkout
-
-
-def run(*arguments):
-    with pytest.raises(SystemExit) as ended:
-        main([str(a) for a in arguments])
-    return ended.value.code
 
 
 @pytest.fixture(scope="module")

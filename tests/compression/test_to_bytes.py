@@ -5,9 +5,9 @@ import re
 
 import pytest
 import torch
+from command_line import run
 
 from diffprt.brdf import ModifiedPhong
-from diffprt.cli import main
 from diffprt.compression import compress
 from diffprt.errors import InputError
 from diffprt.representation.files import load, save
@@ -28,12 +28,6 @@ def assets(bumpy, bumpy_transfer):
         "colored": bumpy_transfer,
         "glossy": bake_glossy(ball, brdf, order=3, order_out=3, rays=48, bounces=0),
     }
-
-
-def run(*arguments: object) -> int:
-    with pytest.raises(SystemExit) as ended:
-        main([str(a) for a in arguments])
-    return ended.value.code
 
 
 @pytest.mark.parametrize("size", [27_000, 34_000, 52_000])

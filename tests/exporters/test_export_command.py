@@ -6,20 +6,13 @@ import json
 from dataclasses import replace
 
 import pytest
+from command_line import run
 from face_colors import FaceColors, pack_face_colors
 from representations import face_colors
 
-from diffprt.cli import main
 from diffprt.compression import compress
 from diffprt.exporters import pack
 from diffprt.representation.files import save
-
-
-def run(*arguments: object) -> int:
-    """Runs a command in this process; its exit status."""
-    with pytest.raises(SystemExit) as ended:
-        main([str(argument) for argument in arguments])
-    return ended.value.code
 
 
 def test_files_for_engines(bumpy_transfer, tmp_path, capsys) -> None:

@@ -214,6 +214,12 @@ def test_what_does_not_fit_is_refused_first_and_the_least_fits():
     assert bake(scene, order=4, bounces=1, seconds=1.5 * least).settings["rays"] >= FEWEST_RAYS
 
 
+def test_memory_is_looked_at_where_the_clock_chose_the_rays(bumpy, monkeypatch):
+    monkeypatch.setattr("diffprt.transfer.baking.estimate.available_memory", lambda: 1 << 20)
+    with pytest.raises(InputError, match="GiB are free"):
+        bake(bumpy, order=3, bounces=1, seconds=4)
+
+
 def test_open_scenes_and_planned_ones_take_no_time_at_all():
     scene = builtin_scene("sphere", subdivisions=2)
     from diffprt.planning import plan

@@ -132,13 +132,12 @@ def _scene_rows(scene: Scene, settings: BakeSettings, asked: ToleranceOptions, k
     missing = [tolerance for tolerance in tolerances if keys[tolerance] not in kept.rows]
     if missing:
         asked.say(f"{scene.name}, {settings.bounces} bounces: choosing rays and baking the truth")
-        fill = {"fill_inside": asked.fill_inside}
-        rates = {tolerance: rays_for_tolerance(scene, settings, tolerance, **fill) for tolerance in missing}
+        rates = {tolerance: rays_for_tolerance(scene, settings, tolerance) for tolerance in missing}
         rays = asked.finer_rays or _FINER * max(rate.rays for rate in rates.values())
-        truth = Truth(scene, replace(settings, rays=rays), most_rays=asked.truth_rays, **fill)
+        truth = Truth(scene, replace(settings, rays=rays), most_rays=asked.truth_rays)
         error_with = functools.cache(truth.error_with)
         for tolerance in missing:
-            row = _row(scene, settings, tolerance, rates[tolerance], truth, asked.fill_inside)
+            row = _row(scene, settings, tolerance, rates[tolerance], truth)
             row["best_rays"] = fewest_rays(error_with, tolerance, row["rays"], _FEWEST)
             row["cost"] = (row["rays"] + row["pilot_rays"] / row["receivers"]) / row["best_rays"]
             kept.add(keys[tolerance], row | {"truth_rays": rays})
@@ -146,12 +145,10 @@ def _scene_rows(scene: Scene, settings: BakeSettings, asked: ToleranceOptions, k
         yield kept.rows[keys[tolerance]]
 
 
-def _row(
-    scene: Scene, settings: BakeSettings, tolerance: float, rate: SamplingRate, truth: Truth, fill_inside: bool
-) -> dict:
+def _row(scene: Scene, settings: BakeSettings, tolerance: float, rate: SamplingRate, truth: Truth) -> dict:
     """One bake as a user has it, with the rays that the tolerance chose."""
     options = {"order": settings.order, "bounces": settings.bounces, "seed": settings.seed, "rays": rate.rays}
-    result = bake(scene, sampling=rate, fill_inside=fill_inside, **options)
+    result = bake(scene, sampling=rate, **options)
     return {
         "scene": scene.name,
         "receivers": len(result.receivers),
@@ -170,5 +167,5 @@ def _row(
 
 def _key(scene: Scene, settings: BakeSettings, tolerance: float, asked: ToleranceOptions) -> str:
     """What a row depends on; rays are what the run finds."""
-    truth = {"truth_rays": asked.truth_rays, "finer_rays": asked.finer_rays, "fill_inside": asked.fill_inside}
+    truth = {"truth_rays": asked.truth_rays, "finer_rays": asked.finer_rays}
     return digest([scene.name, scene.hash(), settings.as_dict() | truth | {"rays": None, "tolerance": tolerance}])

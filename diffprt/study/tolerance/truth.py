@@ -31,16 +31,15 @@ class Truth:
     Args:
         settings: `rays` are those of the truth.
         most_rays: over all receivers, once for the truth and once for what it gathers.
-        fill_inside: as in `bake`.
 
     Attributes:
         share: of the receivers, drawn at random, that are compared.
         reflection_rays: per receiver, for the light that the last bounce gathers; 0 without bounces.
     """
 
-    def __init__(self, scene: Scene, settings: BakeSettings, *, most_rays: int, fill_inside: bool = True) -> None:
+    def __init__(self, scene: Scene, settings: BakeSettings, *, most_rays: int) -> None:
         surfaces = Surfaces.of(scene)
-        fill = Fill.of_surfaces(surfaces) if fill_inside else None
+        fill = Fill.of_surfaces(surfaces)
         every = surfaces.receivers
         size = max(1, min(len(every), most_rays // settings.rays))
         seed = settings.seed ^ _OTHER_SEED

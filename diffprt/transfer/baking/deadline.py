@@ -137,8 +137,7 @@ class Pace:
                 self._ends.append((self._begun, 0.0))
             self._waiting -= sides
             self.rays = self._settled(sides)
-            begun = self._sides - self._waiting
-            self._mean += (self.rays - self._mean) * sides / begun
+            self._mean += (self.rays - self._mean) * sides / (self._sides - self._waiting)
             self._running[chunk] = self._cost.trace(sides, self.rays)
             return self.rays
 
@@ -162,8 +161,8 @@ class Pace:
         """What is left, at the speed of late."""
         speed, waiting = self._speed(), self._waiting + sides
         running = sum(self._running.values()) / 2 / speed
-        now = (self._cost.whole(waiting, self.rays)) / speed + running
-        if now > self._deadline.until(_LATE):
+        needed = self._cost.whole(waiting, self.rays) / speed + running
+        if needed > self._deadline.until(_LATE):
             fewer = self._cost.most_rays(waiting, self._deadline.until(_CUT) - running, speed=speed)
             if fewer < _UNEVEN * self._mean:
                 grace = self._cost.most_rays(waiting, self._deadline.until(_GRACE) - running, speed=speed)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import replace
 from functools import cached_property
@@ -41,6 +42,8 @@ class DiffuseJob(Job):
             )
         self._estimates: dict[bool, Estimate] = {}
         self._rays: torch.Tensor | None = None
+        # Of the seconds asked for, while the bake was prepared.
+        self._spent = 0.0
 
     @property
     def shadows(self) -> bool:
@@ -55,19 +58,23 @@ class DiffuseJob(Job):
         if not self.shadows:
             return None
         if options.tolerance is not None:
-            return rate_for_tolerance(self._trials(self._asked), options.tolerance)
+            return rate_for_tolerance(self._trials, options.tolerance)
         return options.sampling if self._timed is None else self._timed.sampling
 
-    def _trials(self, settings: BakeSettings) -> TrialReceivers:
+    @property
+    def _trials(self) -> TrialReceivers:
         fill = self._own_hidden[1] if self.options.fill_inside else None
-        return TrialReceivers(self.surfaces, settings, fill, self.threads)
+        return TrialReceivers(self.surfaces, self._asked, fill, self.threads)
 
     @cached_property
     def _timed(self) -> TimedRate | None:
         """What is to be done in the seconds that are asked for; None where none are."""
         if self.deadline is None or not self.shadows:
             return None
-        return timed_rate(self.deadline, self.surfaces, self.options, self._asked, self._trials, self.threads)
+        begun = time.monotonic()
+        rate = timed_rate(self.deadline, self.surfaces, self.options, self._asked, self._trials, self.threads)
+        self._spent = time.monotonic() - begun
+        return rate
 
     @property
     def _asked(self) -> BakeSettings:
@@ -96,20 +103,22 @@ class DiffuseJob(Job):
         key = receivers is None
         if key not in self._estimates:
             traced = self.surfaces.receivers if receivers is None else receivers
-            operator = self.options.operator if self._timed is None else self._timed.operator
-            self._estimates[key] = estimate_diffuse(self.surfaces, traced, self.settings, operator, self.threads)
+            self._estimates[key] = estimate_diffuse(self.surfaces, traced, self.settings, self._wanted, self.threads)
         return self._estimates[key]
+
+    @property
+    def _wanted(self) -> str:
+        """The operator that is asked for, or that the seconds call for."""
+        return self.options.operator if self._timed is None else self._timed.operator
 
     def _operator(self, receivers: Receivers | None) -> str:
         """ "stored" or "recompute", for a bake that fits; small ones are only estimated if that was asked for."""
         settings, options = self.settings, self.options
         traced = self.surfaces.receivers if receivers is None else receivers
-        if self._timed is not None:
-            return self._timed.operator
         if (receivers is None) not in self._estimates:
             rays = traced.sides * settings.rays
             most = min(3 * rays, traced.sides * len(self.surfaces.receivers)) if settings.reflects else 0
-            kind = "stored" if options.operator == "auto" else options.operator
+            kind = "stored" if self._wanted == "auto" else self._wanted
             needed = diffuse_memory(self.surfaces, traced, settings, most, kind, self.threads)
             if rays <= FEW_RAYS and fits(needed, 0.5):
                 return kind
@@ -118,7 +127,8 @@ class DiffuseJob(Job):
         if settings.reflects:
             remedies += ["--operator recompute"] if estimate.operator == "stored" else ["--bounces 0"]
         check_memory(estimate.memory_bytes, remedies)
-        check_time(estimate, options.hours, "bound it with --seconds or fewer --rays")
+        hours = options.hours if options.seconds is None else math.inf
+        check_time(estimate, hours, "bound it with --seconds or fewer --rays")
         return estimate.operator
 
     def trace(
@@ -204,8 +214,7 @@ class DiffuseJob(Job):
             )
         if self.deadline is not None and self.options.begun is None:
             # What passes between preparing and running is none of its time.
-            took = self._timed.took if "_timed" in self.__dict__ and self._timed is not None else 0.0
-            self.deadline = replace(self.deadline, begun=time.monotonic() - took)
+            self.deadline = replace(self.deadline, begun=time.monotonic() - self._spent)
         report = {} if report is None else report
         report |= {"timings": {}, "counts": {}}
         folder = None if checkpoint is None else Path(checkpoint)

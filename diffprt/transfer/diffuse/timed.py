@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Callable
 from dataclasses import dataclass
 
 from diffprt.errors import InputError
@@ -36,7 +34,6 @@ class TimedRate:
         operator: "stored" or "recompute".
         sampling: the error to expect; None where there is no time to find out.
         cost: of rays, for the clock.
-        took: seconds that it took to find out.
         threads: CPU threads.
         own, given: sides of the scene's own receivers that are traced, and of free ones.
     """
@@ -45,7 +42,6 @@ class TimedRate:
     operator: str
     sampling: SamplingRate | None
     cost: Cost
-    took: float
     threads: int
     own: int
     given: int
@@ -53,9 +49,8 @@ class TimedRate:
     def pace(self, deadline: Deadline, receivers: Receivers | None) -> Pace:
         """Of the pass over free `receivers`, or over the scene's own, which comes before."""
         if receivers is None:
-            return Pace(
-                deadline, self.cost.then(self.given) if self.given else self.cost, self.own, self.rays, self.threads
-            )
+            cost = self.cost.then(self.given) if self.given else self.cost
+            return Pace(deadline, cost, self.own, self.rays, self.threads)
         return Pace(deadline, self.cost, self.given, self.rays, self.threads)
 
 
@@ -64,7 +59,7 @@ def timed_rate(
     surfaces: Surfaces,
     options: JobOptions,
     asked: BakeSettings,
-    trials: Callable[[BakeSettings], TrialReceivers],
+    sample: TrialReceivers,
     threads: int,
 ) -> TimedRate:
     """Measures what rays cost, refuses what cannot end in time, and finds the error to expect.
@@ -72,12 +67,10 @@ def timed_rate(
     Raises:
         InputError: the fewest rays do not fit.
     """
-    begun, free = time.monotonic(), options.receivers
+    free = options.receivers
     given = 0 if free is None else free.sides
     own = surfaces.receivers.sides if free is None or asked.reflects else 0
     measured = surfaces.receivers if own else free
-    # First, for it finds what is inside geometry, which takes time of its own.
-    sample = trials(asked)
     operator = "recompute" if options.operator == "recompute" else "stored"
 
     def fit(cost: Cost) -> int:
@@ -103,7 +96,7 @@ def timed_rate(
     if lasting <= _TRIALS * deadline.until(AIM):
         rays = cost.most_rays(own + given, deadline.until(AIM) - lasting) or rays
         sampling = rate_of(sample, rays)
-    return TimedRate(rays, operator, sampling, cost, time.monotonic() - begun, threads, own, given)
+    return TimedRate(rays, operator, sampling, cost, threads, own, given)
 
 
 def _rounded_up(seconds: float) -> float:

@@ -96,17 +96,17 @@ class Tracing(Work[Traced]):
 
     def chunk(self, number: int, index: int, before: Traced | None) -> Chunk:
         if self.pace is None:
-            return self._found(index, self.settings.rays)
+            return self._found(index, self.tracers.of(self.settings.rays))
         rays = self.pace.begin(index, len(self.cut[index]))
         begun = time.monotonic()
-        _ = self.tracers.of(rays)
+        tracer = self.tracers.of(rays)
         self.pace.waited(time.monotonic() - begun)
-        found = self._found(index, rays)
+        found = self._found(index, tracer)
         self.pace.end(index)
         return found | {"rays": torch.full((len(self.cut[index]),), rays)}
 
-    def _found(self, index: int, rays: int) -> Chunk:
-        sums, blocked, rows = self.tracers.of(rays).trace_rows(self.cut[index])
+    def _found(self, index: int, tracer: DirectTracer) -> Chunk:
+        sums, blocked, rows = tracer.trace_rows(self.cut[index])
         found = {"sums": sums, "blocked": blocked}
         if rows is not None:
             found |= {"counts": rows.counts, "columns": rows.columns, "values": rows.values}
